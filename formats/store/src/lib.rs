@@ -1,0 +1,1 @@
+//! The versioned tile store: Delta tables, commits, time travel.

@@ -1,0 +1,1 @@
+//! A job from plan to commit.

@@ -1,0 +1,1 @@
+//! The reduce stage: evidence in, verdicts and layers out.

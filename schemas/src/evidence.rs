@@ -1,0 +1,183 @@
+//! The evidence ledger: what the map stage testifies and the reduce stage folds (method.md,
+//! section 7). Every number that is ever summed is an integer; see [`crate::fixed`].
+
+use crate::table;
+
+/// Version of the map stage's method. Rows of different versions are never added up.
+pub const METHOD_VERSION: i32 = 1;
+
+/// Bins of [`EvidenceRow::seen`]: marking codes 0 to 7 of [`crate::Marking`] for lines, and the
+/// sign class modulo nothing for signs (codes 0 to 12).
+pub const CLASS_BINS: usize = 13;
+
+table! {
+    /// What one chunk of one vehicle's drive says about one section of one element.
+    ///
+    /// Fixed-point fields (`*_fx`) are in units of 2^-24; see [`crate::fixed`].
+    pub struct EvidenceRow in "evidence" {
+        /// Owner tile of the element.
+        pub tile: i32,
+        /// Element id.
+        pub element: i64,
+        /// Content hash of the element that was looked at.
+        pub content: i64,
+        /// Station interval `[section * S, (section + 1) * S)` along the element.
+        pub section: i32,
+        /// Keyed hash of the vehicle.
+        pub vehicle: i64,
+        /// Hash of the camera's or detection channel's name.
+        pub channel: i64,
+        /// Time window of the chunk.
+        pub window: i64,
+        /// [`METHOD_VERSION`].
+        pub method: i32,
+        /// Hash of the perception model; 0 for detections made on the vehicle.
+        pub model: i64,
+        /// Frames in which the section was exposed.
+        pub exposed: i32,
+        /// Exposed frames in which it was matched.
+        pub hit: i32,
+        /// Sum of the visibility over exposed frames.
+        pub sum_v_fx: i64,
+        /// Sum of the squared visibility over exposed frames.
+        pub sum_v2_fx: i64,
+        /// Sum of the visibility over exposed frames without a match.
+        pub sum_v_miss_fx: i64,
+        /// Paper Eq 14 to 18: weighted sum for "no change".
+        pub sum_w_no_fx: i64,
+        /// Weighted sum for "added".
+        pub sum_w_add_fx: i64,
+        /// Weighted sum for "deleted".
+        pub sum_w_del_fx: i64,
+        /// Weighted sum for "modified".
+        pub sum_w_mod_fx: i64,
+        /// Sum of the weights.
+        pub sum_w_fx: i64,
+        /// Residuals taken.
+        pub residuals: i32,
+        /// Information-weighted sum of lateral residuals (positive to the left of the element's
+        /// direction), in 1/m.
+        pub residual_eta_fx: i64,
+        /// Sum of the information of lateral residuals, in 1/m^2.
+        pub residual_lambda_fx: i64,
+        /// Information-weighted sum of squared lateral residuals (dimensionless).
+        pub residual_chi2_fx: i64,
+        /// How often each marking type or sign class was observed.
+        pub seen: [i32; CLASS_BINS],
+        /// First exposure, nanoseconds since the Unix epoch.
+        pub first_ns: i64,
+        /// Last exposure.
+        pub last_ns: i64,
+        /// Capture time of the clearest frame; file and topic are found through the chunk.
+        pub best_ns: i64,
+        /// Visibility in the clearest frame.
+        pub best_v_fx: i64,
+    }
+}
+
+table! {
+    /// A stretch of paint that no map element explains, as one chunk saw it.
+    pub struct Sighting in "sightings" {
+        /// Tile of its first vertex.
+        pub tile: i32,
+        /// Keyed hash of the vehicle.
+        pub vehicle: i64,
+        /// Hash of the channel's name.
+        pub channel: i64,
+        /// Time window of the chunk.
+        pub window: i64,
+        /// Number of the track within the chunk.
+        pub track: i32,
+        /// [`METHOD_VERSION`].
+        pub method: i32,
+        /// Hash of the perception model.
+        pub model: i64,
+        /// Kind code of [`crate::ElementKind`].
+        pub kind: i16,
+        /// Frames that saw it.
+        pub frames: i32,
+        /// Sum of the visibility over these frames.
+        pub sum_v_fx: i64,
+        /// Vertices as little-endian `i32` pairs: longitude and latitude in 1e-8 degrees... kept
+        /// as WKB (`LineString`, CRS84) so that any reader of the store can draw it.
+        pub geometry: Vec<u8>,
+        /// Lateral information per vertex, 1/m^2, averaged over vertices.
+        pub lambda_fx: i64,
+        /// How often each marking type or sign class was observed.
+        pub seen: [i32; CLASS_BINS],
+        /// First frame.
+        pub first_ns: i64,
+        /// Last frame.
+        pub last_ns: i64,
+        /// Capture time of the clearest frame.
+        pub best_ns: i64,
+    }
+}
+
+table! {
+    /// Where one chunk looked, sampled along the trajectory: what confronts candidates.
+    pub struct Footprint in "footprints" {
+        /// Tile of the registered vehicle position.
+        pub tile: i32,
+        /// Keyed hash of the vehicle.
+        pub vehicle: i64,
+        /// Hash of the channel's name.
+        pub channel: i64,
+        /// Time window of the chunk.
+        pub window: i64,
+        /// [`METHOD_VERSION`].
+        pub method: i32,
+        /// Hash of the perception model.
+        pub model: i64,
+        /// Capture time of the sample.
+        pub stamp_ns: i64,
+        /// Registered position, longitude in 1e-9 degrees.
+        pub longitude_e9: i64,
+        /// Registered position, latitude in 1e-9 degrees.
+        pub latitude_e9: i64,
+        /// Heading, counter-clockwise from east, in microradians.
+        pub yaw_urad: i32,
+        /// Frames that this sample stands for.
+        pub frames: i32,
+        /// Nearest and farthest trusted range ahead, in millimetres.
+        pub range_from_mm: i32,
+        /// Farthest trusted range ahead, in millimetres.
+        pub range_to_mm: i32,
+        /// Left and right reach of the looks, in millimetres (left positive).
+        pub left_mm: i32,
+        /// Right reach, in millimetres (right is negative).
+        pub right_mm: i32,
+        /// Mean visibility.
+        pub v_fx: i64,
+    }
+}
+
+table! {
+    /// A chunk that was mapped: what makes `run` idempotent.
+    pub struct ChunkRow in "chunks" {
+        /// Keyed hash of the vehicle.
+        pub vehicle: i64,
+        /// Hash of the channel's name.
+        pub channel: i64,
+        /// Time window.
+        pub window: i64,
+        /// Digest of the frames (stamp and payload) that the map stage was given.
+        pub digest: i64,
+        /// [`METHOD_VERSION`].
+        pub method: i32,
+        /// Hash of the perception model.
+        pub model: i64,
+        /// Channel name.
+        pub topic: String,
+        /// Log it was first read from. Not part of any digest.
+        pub log: String,
+        /// Frames in the window.
+        pub frames: i32,
+        /// Frames that were set aside.
+        pub frames_set_aside: i32,
+        /// First frame.
+        pub first_ns: i64,
+        /// Last frame.
+        pub last_ns: i64,
+    }
+}

@@ -1,0 +1,21 @@
+//! The nouns that every other crate of Tilefold speaks.
+//!
+//! No I/O and no decisions live here: only what things are called, in which units and frames they
+//! are, how they become Arrow columns, and which limits hold for what comes from outside.
+
+pub mod column;
+pub mod element;
+pub mod evidence;
+pub mod fixed;
+pub mod id;
+pub mod layer;
+pub mod limits;
+pub mod log;
+pub mod set_aside;
+pub mod table;
+
+pub use element::{Color, Element, ElementKind, Marking, SignClass};
+pub use evidence::{ChunkRow, EvidenceRow, Footprint, Sighting};
+pub use id::{ChunkId, ContentHash, ElementId, TileId, VehicleKey};
+pub use layer::{ChangeRecord, LayerHeader, Verdict};
+pub use set_aside::{SetAside, SetAsideKind};

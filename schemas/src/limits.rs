@@ -1,0 +1,35 @@
+//! Every limit on what comes from outside, by name (promise P7).
+//!
+//! A limit is generous for honest data and small enough that a lying length cannot take the
+//! machine's memory. Error messages print the limit and the value that broke it.
+
+/// Bytes of one MCAP record (a chunk, compressed or not, is one).
+pub const MAX_LOG_RECORD_BYTES: usize = 256 << 20;
+/// Bytes of one message.
+pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
+/// Channels of one log.
+pub const MAX_LOG_CHANNELS: usize = 4_096;
+/// Detections in one frame.
+pub const MAX_DETECTIONS_PER_FRAME: usize = 1_000;
+/// Points of one detection.
+pub const MAX_POINTS_PER_DETECTION: usize = 2_000;
+/// Transforms in one message.
+pub const MAX_TRANSFORMS_PER_MESSAGE: usize = 10_000;
+/// Distortion coefficients of a camera.
+pub const MAX_DISTORTION_COEFFICIENTS: usize = 16;
+/// Bytes of a map file.
+pub const MAX_MAP_BYTES: u64 = 8 << 30;
+/// Depth of XML or JSON in a map.
+pub const MAX_MAP_DEPTH: usize = 32;
+/// Attributes of one XML element.
+pub const MAX_XML_ATTRIBUTES: usize = 64;
+/// Tags of one map element.
+pub const MAX_TAGS_PER_ELEMENT: usize = 1_000;
+/// Bytes of one tag's key or value.
+pub const MAX_TAG_BYTES: usize = 64 << 10;
+/// Nodes of one way.
+pub const MAX_POINTS_PER_ELEMENT: usize = 100_000;
+/// Metres of one element along its line.
+pub const MAX_ELEMENT_LENGTH_M: f64 = 100_000.0;
+/// Losses listed by name in a report; beyond that they are only counted.
+pub const MAX_SET_ASIDE_LISTED: usize = 1_000;

@@ -1,0 +1,1 @@
+//! Where things are and how work is cut: geodesy, tiles, drives, chunks, plan, exchange.

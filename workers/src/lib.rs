@@ -1,0 +1,1 @@
+//! The map stage: one chunk in, keyed evidence out.
