@@ -171,11 +171,7 @@ impl Element {
             hasher.update(&code.to_le_bytes());
         }
         for [longitude_deg, latitude_deg, elevation_m] in &self.points {
-            let rounded = [
-                longitude_deg * 1e8,
-                latitude_deg * 1e8,
-                elevation_m * 1e3,
-            ];
+            let rounded = [longitude_deg * 1e8, latitude_deg * 1e8, elevation_m * 1e3];
             for value in rounded {
                 hasher.update(&(value.round() as i64).to_le_bytes());
             }

@@ -32,6 +32,9 @@ mod tests {
         assert_eq!(from_f64(-0.5), -ONE / 2);
         assert_eq!(from_f64(f64::NAN), 0);
         assert_eq!(from_f64(f64::INFINITY), i64::MAX);
-        assert_eq!(to_f64(from_f64(0.1)), (0.1_f64 * ONE as f64).round() / ONE as f64);
+        assert_eq!(
+            to_f64(from_f64(0.1)),
+            (0.1_f64 * ONE as f64).round() / ONE as f64
+        );
     }
 }

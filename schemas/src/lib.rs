@@ -13,6 +13,7 @@ pub mod limits;
 pub mod log;
 pub mod set_aside;
 pub mod table;
+pub mod wkb;
 
 pub use element::{Color, Element, ElementKind, Marking, SignClass};
 pub use evidence::{ChunkRow, EvidenceRow, Footprint, Sighting};
