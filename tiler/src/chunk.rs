@@ -1,0 +1,137 @@
+//! Cutting a recording into chunks: absolute windows of time, the unit of map-stage work.
+//!
+//! A chunk is cut by the data, never by file, thread or executor. It is worked on together with
+//! the window before it and the one after it, so that registration has settled when it begins
+//! and still has support where it ends; what it testifies is only of its own window.
+
+use tilefold_schemas::id::{ChunkId, VehicleKey, hash_text};
+
+use crate::recording::{Recording, between};
+
+/// Length of a window in nanoseconds (W in method.md, section 1).
+pub const WINDOW_NS: i64 = 20_000_000_000;
+
+/// The window that a capture time falls into.
+#[must_use]
+pub fn window_of(stamp_ns: i64) -> i64 {
+    stamp_ns.div_euclid(WINDOW_NS)
+}
+
+/// Capture times `[from_ns, to_ns)` of a window.
+#[must_use]
+pub fn window_bounds_ns(window: i64) -> (i64, i64) {
+    let from_ns = window.saturating_mul(WINDOW_NS);
+    (from_ns, from_ns.saturating_add(WINDOW_NS))
+}
+
+/// One chunk with its context: all that the map stage is given of a vehicle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chunk {
+    /// Whose, which channel, when.
+    pub id: ChunkId,
+    /// Digest of everything in `recording`, context included.
+    pub digest: i64,
+    /// What was recorded in the window and in its neighbours.
+    pub recording: Recording,
+}
+
+impl Chunk {
+    /// Capture times `[from_ns, to_ns)` of which this chunk testifies.
+    #[must_use]
+    pub fn bounds_ns(&self) -> (i64, i64) {
+        window_bounds_ns(self.id.window)
+    }
+}
+
+/// The windows of a settled recording that hold detections, ascending.
+#[must_use]
+pub fn windows(recording: &Recording) -> Vec<i64> {
+    let mut windows: Vec<i64> = recording
+        .detections
+        .iter()
+        .map(|frame| window_of(frame.stamp_ns))
+        .collect();
+    windows.dedup();
+    windows
+}
+
+/// The chunk of a settled recording for one window; none if it holds no detections.
+#[must_use]
+pub fn cut(
+    recording: &Recording,
+    vehicle: VehicleKey,
+    topic: &str,
+    window: i64,
+) -> Option<Chunk> {
+    let (from_ns, to_ns) = window_bounds_ns(window);
+    if between(&recording.detections, from_ns, to_ns).is_empty() {
+        return None;
+    }
+    let recording = recording.slice(
+        from_ns.saturating_sub(WINDOW_NS),
+        to_ns.saturating_add(WINDOW_NS),
+    );
+    Some(Chunk {
+        id: ChunkId {
+            vehicle,
+            channel: hash_text(topic),
+            window,
+        },
+        digest: recording.digest(),
+        recording,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tilefold_schemas::log::{DetectionFrame, DetectionSpace, LogMessage, Payload};
+
+    fn frame(stamp_ns: i64) -> LogMessage {
+        LogMessage {
+            topic: 0,
+            stamp_ns,
+            log_time_ns: stamp_ns + 5,
+            frame_id: "base_link".to_owned(),
+            payload: Payload::Detections(DetectionFrame {
+                space: DetectionSpace::Metres,
+                detections: Vec::new(),
+            }),
+            digest: stamp_ns * 31,
+        }
+    }
+
+    fn recording(stamps: impl IntoIterator<Item = i64>) -> Recording {
+        let mut recording = Recording::default();
+        stamps
+            .into_iter()
+            .for_each(|stamp| recording.push(frame(stamp)));
+        recording.settle();
+        recording
+    }
+
+    #[test]
+    fn copies_and_order_do_not_change_a_chunk() {
+        let stamps: Vec<i64> = (0..50).map(|i| i * 1_000_000_000).collect();
+        let once = recording(stamps.iter().copied());
+        let twice = recording(stamps.iter().rev().chain(&stamps).copied());
+        assert_eq!(twice.duplicates, 50);
+        let cut = |recording| cut(recording, VehicleKey(7), "/lanes", 1);
+        assert_eq!(cut(&once), cut(&twice));
+    }
+
+    #[test]
+    fn a_chunk_has_its_neighbours_as_context_and_no_more() {
+        let all = recording((0..200).map(|i| i * 1_000_000_000));
+        let chunk = cut(&all, VehicleKey(7), "/lanes", 3).unwrap();
+        let stamps = chunk.recording.detections.iter().map(|f| f.stamp_ns);
+        assert_eq!(stamps.clone().min(), Some(40_000_000_000));
+        assert_eq!(stamps.max(), Some(99_000_000_000));
+    }
+
+    #[test]
+    fn windows_before_the_epoch_are_cut_downwards() {
+        assert_eq!(window_of(-1), -1);
+        assert_eq!(windows(&recording([-1, 0, 1])), [-1, 0]);
+    }
+}
