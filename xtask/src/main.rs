@@ -1,2 +1,64 @@
-//! Tasks.
-fn main() {}
+//! The front desk of the repository: `cargo xtask WORD` does what the README and CI name.
+//!
+//! No dependency and no shell: it compiles in a second, so that whatever is missing is said before
+//! anything long begins. Each word is a file of its own; this one only chooses.
+
+mod book;
+mod command;
+mod demo;
+mod lints;
+mod test;
+
+use std::env;
+use std::process::ExitCode;
+
+use command::{Failure, workspace_root};
+
+const HELP: &str = "\
+cargo xtask WORD [ARGUMENT...]
+
+  demo [ARG...]   builds `tilefold` for release and runs `tilefold demo ARG...`
+  test [ARG...]   runs every test of the workspace, then the examples in its documentation;
+                  ARG... goes to the test runner (a name to filter by, for instance)
+  ci-lints        format, clippy, documentation and the book, with every warning an error
+  docs            builds the book (docs/book) and the API documentation (target/doc)
+";
+
+fn main() -> ExitCode {
+    let mut words = env::args().skip(1);
+    let word = words.next().unwrap_or_default();
+    let arguments: Vec<String> = words.collect();
+    match dispatch(&word, &arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("xtask: {failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+fn dispatch(word: &str, arguments: &[String]) -> Result<(), Failure> {
+    if matches!(word, "" | "help" | "-h" | "--help") {
+        print!("{HELP}");
+        return Ok(());
+    }
+    let root = workspace_root()?;
+    match word {
+        "demo" => demo::run(&root, arguments),
+        "test" => test::run(&root, arguments),
+        "ci-lints" => without_arguments(word, arguments).and_then(|()| lints::run(&root)),
+        "docs" => without_arguments(word, arguments).and_then(|()| book::run(&root)),
+        _ => Err(Failure::usage(format!(
+            "there is no word {word:?}; `cargo xtask help` lists them"
+        ))),
+    }
+}
+
+fn without_arguments(word: &str, arguments: &[String]) -> Result<(), Failure> {
+    match arguments.first() {
+        None => Ok(()),
+        Some(first) => Err(Failure::usage(format!(
+            "`cargo xtask {word}` takes no arguments, but was given {first:?}"
+        ))),
+    }
+}
