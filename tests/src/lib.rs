@@ -1,1 +1,4 @@
-//! Conformance and chaos tests across crates.
+//! What must hold across crates, whatever happens to the input: the checkers that the tests under
+//! `tests/` call.
+
+pub mod arrows;
