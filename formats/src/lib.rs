@@ -1,1 +1,3 @@
 //! Bytes to nouns and back: logs, maps, exports.
+
+pub mod log;

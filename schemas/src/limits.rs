@@ -9,6 +9,36 @@ pub const MAX_LOG_RECORD_BYTES: usize = 256 << 20;
 pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 /// Channels of one log.
 pub const MAX_LOG_CHANNELS: usize = 4_096;
+/// Bytes that a compressed byte of a chunk may stand for: zstd on constant data stays below.
+pub const MAX_CHUNK_EXPANSION: u64 = 40_000;
+/// Bytes of a log's summary section.
+pub const MAX_LOG_SUMMARY_BYTES: usize = 256 << 20;
+/// Metadata records of one log.
+pub const MAX_LOG_METADATA_RECORDS: usize = 1_024;
+/// Bytes of one metadata record.
+pub const MAX_LOG_METADATA_BYTES: usize = 1 << 20;
+/// Metres of a position along an axis: beyond the Earth, and any map frame on it.
+pub const MAX_POSITION_M: f64 = 1e8;
+/// Metres above or below the ellipsoid.
+pub const MAX_ALTITUDE_M: f64 = 1e5;
+/// Metres per second of a vehicle, along an axis.
+pub const MAX_SPEED_M_S: f64 = 1e3;
+/// Radians per second of a vehicle, about an axis.
+pub const MAX_TURN_RATE_RAD_S: f64 = 1e3;
+/// Variance in square metres or square radians.
+pub const MAX_VARIANCE: f64 = 1e12;
+/// Metres from the sensor to a detected point, along an axis.
+pub const MAX_DETECTION_POINT_M: f64 = 1e8;
+/// Pixels from the image's corner to a detected point, along an axis.
+pub const MAX_DETECTION_POINT_PX: f64 = 1e6;
+/// Length of a quaternion, which should be one.
+pub const MAX_QUATERNION_NORM: f64 = 1e3;
+/// Length of a quaternion, below which it says nothing.
+pub const MIN_QUATERNION_NORM: f64 = 1e-3;
+/// A camera parameter: focal length in pixels, distortion coefficient.
+pub const MAX_CAMERA_PARAMETER: f64 = 1e6;
+/// Primitives of all kinds, labels included, in one scene or annotation message.
+pub const MAX_PRIMITIVES_PER_MESSAGE: usize = 20_000;
 /// Detections in one frame.
 pub const MAX_DETECTIONS_PER_FRAME: usize = 1_000;
 /// Points of one detection.

@@ -17,7 +17,7 @@ pub struct GnssFix {
     pub latitude_deg: f64,
     /// Degrees.
     pub longitude_deg: f64,
-    /// Metres above the ellipsoid.
+    /// Metres above the ellipsoid; 0 where the receiver gives none.
     pub altitude_m: f64,
     /// Row-major east-north-up covariance in square metres, if the receiver gave one.
     pub covariance_enu_m2: Option<[f64; 9]>,
