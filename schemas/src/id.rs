@@ -30,6 +30,29 @@ id!(
     VehicleKey(i64)
 );
 
+impl TileId {
+    /// Level of the tile in the quadtree (0 to 15).
+    ///
+    /// A packed id is the tile's Morton number (`2 * level + 1` bits) below a marker bit at
+    /// position `16 + level` (NDS, packed tile ids); at level 15 that is the sign bit.
+    #[must_use]
+    pub fn level(self) -> u32 {
+        (self.0.cast_unsigned() >> 16).checked_ilog2().unwrap_or(0)
+    }
+
+    /// The tile at `level` that contains this one; itself where `level` is not above its own.
+    #[must_use]
+    pub fn ancestor(self, level: u32) -> Self {
+        let own = self.level();
+        if level >= own {
+            return self;
+        }
+        let number = self.0.cast_unsigned() & !(1 << (16 + own));
+        let number = number >> (2 * (own - level));
+        Self((number | 1 << (16 + level)).cast_signed())
+    }
+}
+
 impl fmt::Display for ElementId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
