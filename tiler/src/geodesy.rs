@@ -1,4 +1,4 @@
-//! Where things are: WGS 84, local east-north-up frames, UTM, MGRS and geodesic lengths.
+//! Where things are: WGS 84, local east-north-up frames, UTM and geodesic lengths.
 //!
 //! Conventions, everywhere in Tilefold:
 //! * a position on the earth is `[longitude_deg, latitude_deg, height_m]` on the WGS 84 ellipsoid;
@@ -7,12 +7,12 @@
 //! * a **yaw** is in radians, counter-clockwise from the east axis of the frame it is in; a
 //!   **bearing** is in degrees, clockwise from true north ([`yaw_from_bearing`], [`bearing_from_yaw`]).
 //!
-//! WGS 84 <-> ECEF <-> ENU is our own and exact to nanometres; UTM and MGRS come from
-//! `geoconvert`, geodesics from `geographiclib-rs`.
+//! WGS 84 <-> ECEF <-> ENU is our own and exact to nanometres; UTM comes from `geoconvert`,
+//! geodesics from `geographiclib-rs`; MGRS is in [`crate::mgrs`].
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use geoconvert::{LatLon, Mgrs, UtmUps};
+use geoconvert::{LatLon, UtmUps};
 use geographiclib_rs::{Geodesic, InverseGeodesic};
 
 /// Semi-major axis of WGS 84, in metres.
@@ -26,7 +26,7 @@ const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 /// Second eccentricity squared.
 const EP2: f64 = E2 / (1.0 - E2);
 
-/// A position or a text that UTM or MGRS has no answer for.
+/// A position that UTM has no answer for.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GeodesyError {
     /// A longitude or latitude outside of the earth, or not a number.
@@ -52,22 +52,6 @@ pub enum GeodesyError {
         northing_m: f64,
         /// What the conversion says.
         why: String,
-    },
-    /// A text that is no MGRS reference.
-    #[error("{text:?} is no MGRS reference: {why}; write it like 54SUE8155001500")]
-    Mgrs {
-        /// The text, at most its first 40 characters.
-        text: String,
-        /// What is wrong with it.
-        why: String,
-    },
-    /// Digits that MGRS does not have.
-    #[error(
-        "MGRS with {digits} digits per axis is not possible: give 0 (100 km) to 5 (1 m), or up to 11 (1 micrometre)"
-    )]
-    MgrsDigits {
-        /// The digits asked for.
-        digits: u8,
     },
 }
 
@@ -280,77 +264,6 @@ pub fn wgs84_from_utm(utm: &Utm) -> Result<[f64; 2], GeodesyError> {
     .map_err(|error| wrong(error.to_string()))?
     .to_latlon();
     Ok([at.longitude(), at.latitude()])
-}
-
-/// The MGRS reference of a point with `digits` digits per axis: 0 names the 100 km square, 5 is to
-/// the metre. References are cut, not rounded, so a point lies in the square that it names.
-///
-/// # Errors
-/// If the position is not on the earth or `digits` is above 11.
-pub fn mgrs_from_wgs84(
-    longitude_deg: f64,
-    latitude_deg: f64,
-    digits: u8,
-) -> Result<String, GeodesyError> {
-    if digits > 11 {
-        return Err(GeodesyError::MgrsDigits { digits });
-    }
-    let at = lat_lon(longitude_deg, latitude_deg)?;
-    let text = at.to_mgrs(i32::from(digits.max(1))).to_string();
-    if digits == 0 {
-        return Ok(text[..text.len().saturating_sub(2)].to_owned());
-    }
-    Ok(text)
-}
-
-/// `[longitude_deg, latitude_deg]` of the middle of the square that an MGRS reference names.
-///
-/// # Errors
-/// If the text is no MGRS reference with at least its 100 km square.
-pub fn wgs84_from_mgrs(text: &str) -> Result<[f64; 2], GeodesyError> {
-    let at = parse_mgrs(text)?.to_latlon();
-    Ok([at.longitude(), at.latitude()])
-}
-
-/// The south-west corner of the 100 km square of an MGRS reference: where Autoware's `local_x` and
-/// `local_y` count from.
-///
-/// # Errors
-/// If the text is no MGRS reference with at least its 100 km square.
-pub fn mgrs_square_origin(text: &str) -> Result<Utm, GeodesyError> {
-    let mut utm = Utm::from(parse_mgrs(text)?.to_utmups());
-    utm.easting_m = (utm.easting_m / 1e5).floor() * 1e5;
-    utm.northing_m = (utm.northing_m / 1e5).floor() * 1e5;
-    Ok(utm)
-}
-
-/// Checked before `geoconvert` sees it: its parser is lenient, and slices where it should look.
-fn parse_mgrs(text: &str) -> Result<Mgrs, GeodesyError> {
-    let wrong = |why: &str| GeodesyError::Mgrs {
-        text: text.chars().take(40).collect(),
-        why: why.to_owned(),
-    };
-    if !text.bytes().all(|byte| byte.is_ascii_alphanumeric()) {
-        return Err(wrong("only letters and digits are allowed"));
-    }
-    let zone = text.bytes().take_while(u8::is_ascii_digit).count();
-    let rest = &text[zone..];
-    let letters = rest.bytes().take_while(u8::is_ascii_alphabetic).count();
-    let digits = rest.len() - letters;
-    if zone > 2 || letters != 3 {
-        return Err(wrong(
-            "a zone of at most two digits and three letters come first",
-        ));
-    }
-    if rest[letters..].bytes().any(|byte| !byte.is_ascii_digit()) {
-        return Err(wrong("only digits follow the three letters"));
-    }
-    if digits % 2 == 1 || digits > 22 {
-        return Err(wrong(
-            "easting and northing have the same number of digits, at most 11 each",
-        ));
-    }
-    Mgrs::parse_str(text).map_err(|error| wrong(&error.to_string()))
 }
 
 fn lat_lon(longitude_deg: f64, latitude_deg: f64) -> Result<LatLon, GeodesyError> {

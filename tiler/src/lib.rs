@@ -3,6 +3,7 @@
 pub mod chunk;
 pub mod geodesy;
 pub mod map_index;
+pub mod mgrs;
 pub mod recording;
 pub mod station;
 pub mod tile;
