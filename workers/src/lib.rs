@@ -1,1 +1,24 @@
 //! The map stage: one chunk in, keyed evidence out.
+//!
+//! Pure: no disk, no clock, no environment, no randomness. The way of a frame is the order of the
+//! modules: [`pose`] and [`frames`] place the vehicle, [`camera`] and [`look`] bring what was seen
+//! into metres, [`local_map`] and [`cuts`] lay it beside the map, [`register`] takes out the error
+//! of the position, [`matching`] says which line is which, [`visibility`] what could be seen, and
+//! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk`] joins them.
+
+mod banded;
+pub mod camera;
+pub mod cuts;
+pub mod footprint;
+pub mod frames;
+pub mod local_map;
+pub mod look;
+pub mod map_chunk;
+pub mod matching;
+pub mod pose;
+pub mod register;
+pub mod sight;
+pub mod testify;
+pub mod visibility;
+
+pub use map_chunk::{Evidence, MapContext, map_chunk};

@@ -1,0 +1,235 @@
+//! Cross-cuts: at fixed ranges ahead of the vehicle, how far to the left each seen line and each
+//! map line lies.
+//!
+//! Lane lines run along the road, so what a frame says about the map is one-dimensional at each
+//! range: a set of lateral positions seen against a set of lateral positions mapped. Everything
+//! after this (registration, matching, exposure) works on these numbers.
+
+use crate::local_map::{LocalMap, NearSegment};
+use crate::look::Look;
+use crate::pose::Pose;
+
+/// Ranges ahead at which lines are cut, in metres.
+pub const RANGES_M: [f64; 14] = [
+    3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 24.0,
+];
+/// Map lines farther to the side are not cut, in metres.
+const SIDE_M: f64 = 12.0;
+/// Lines that cross the vehicle's direction more steeply are not lines along it (tangent of 20
+/// degrees).
+const MAX_SLOPE: f64 = 0.364;
+
+/// A line crossing one range ahead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cut {
+    /// Index into [`RANGES_M`].
+    pub range: usize,
+    /// Left of the vehicle's axis, in metres.
+    pub lateral_m: f64,
+    /// Station along a map line; 0 for a seen line.
+    pub station_m: f64,
+}
+
+/// A line with its cuts, ascending in range.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CutLine {
+    /// Index of the line: into the local map's lines, or the look's.
+    pub line: usize,
+    /// Where it crosses the ranges.
+    pub cuts: Vec<Cut>,
+}
+
+impl CutLine {
+    /// Mean lateral position over the cuts.
+    #[must_use]
+    pub fn lateral_m(&self) -> f64 {
+        let sum: f64 = self.cuts.iter().map(|cut| cut.lateral_m).sum();
+        sum / self.cuts.len() as f64
+    }
+}
+
+/// What a frame saw beside what the map has there.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CrossCut {
+    /// Seen lines that were cut at least once, in the order of the look.
+    pub seen: Vec<CutLine>,
+    /// Map lines that were cut at least once, by line.
+    pub mapped: Vec<CutLine>,
+}
+
+impl CrossCut {
+    /// Cuts the lines of a look and of the map around it.
+    #[must_use]
+    pub fn new(look: &Look, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Self {
+        let seen = look
+            .lines
+            .iter()
+            .enumerate()
+            .filter_map(|(line, seen)| {
+                let cuts: Vec<Cut> = RANGES_M
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(range, &range_m)| {
+                        let lateral_m = seen.lateral_m(range_m)?;
+                        Some(Cut {
+                            range,
+                            lateral_m,
+                            station_m: 0.0,
+                        })
+                    })
+                    .collect();
+                (!cuts.is_empty()).then_some(CutLine { line, cuts })
+            })
+            .collect();
+        Self {
+            seen,
+            mapped: cut_map(&look.pose, map, scratch),
+        }
+    }
+}
+
+fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Vec<CutLine> {
+    let (low, high) = box_ahead(pose);
+    map.segments_within(low, high, scratch);
+    let mut lines: Vec<CutLine> = Vec::new();
+    for segment in scratch.iter() {
+        let ahead = Ahead::new(pose, segment);
+        for (range, &range_m) in RANGES_M.iter().enumerate() {
+            let Some((lateral_m, station_m)) = ahead.cut(range_m) else {
+                continue;
+            };
+            let cut = Cut {
+                range,
+                lateral_m,
+                station_m,
+            };
+            match lines.last_mut() {
+                Some(last) if last.line == segment.line => {
+                    // A line that turns back is cut once, where it is reached first.
+                    if last.cuts.iter().all(|known| known.range != range) {
+                        last.cuts.push(cut);
+                    }
+                }
+                _ => lines.push(CutLine {
+                    line: segment.line,
+                    cuts: vec![cut],
+                }),
+            }
+        }
+    }
+    for line in &mut lines {
+        line.cuts.sort_by_key(|cut| cut.range);
+    }
+    lines
+}
+
+/// The box around what may be cut.
+fn box_ahead(pose: &Pose) -> ([f64; 2], [f64; 2]) {
+    let far_m = RANGES_M[RANGES_M.len() - 1];
+    let corners = [
+        [RANGES_M[0], SIDE_M],
+        [RANGES_M[0], -SIDE_M],
+        [far_m, SIDE_M],
+        [far_m, -SIDE_M],
+    ]
+    .map(|corner| pose.local_from_vehicle(corner));
+    let mut low = corners[0];
+    let mut high = corners[0];
+    for corner in corners {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(corner[axis]);
+            high[axis] = high[axis].max(corner[axis]);
+        }
+    }
+    (low, high)
+}
+
+/// A map segment in the vehicle frame.
+struct Ahead {
+    from: [f64; 2],
+    slope: f64,
+    near_m: f64,
+    far_m: f64,
+    station_per_range: f64,
+    from_station_m: f64,
+}
+
+impl Ahead {
+    fn new(pose: &Pose, segment: &NearSegment) -> Self {
+        let (sin, cos) = pose.yaw_rad.sin_cos();
+        let vehicle_from_local = |[east, north]: [f64; 2]| {
+            let (dx, dy) = (east - pose.east_m, north - pose.north_m);
+            [cos * dx + sin * dy, -sin * dx + cos * dy]
+        };
+        let from = vehicle_from_local(segment.from);
+        let to = vehicle_from_local(segment.to);
+        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+        Self {
+            from,
+            slope: dy / dx,
+            near_m: from[0].min(to[0]),
+            far_m: from[0].max(to[0]),
+            station_per_range: dx.hypot(dy) / dx,
+            from_station_m: segment.from_station_m,
+        }
+    }
+
+    /// Lateral position and station at a range; none if the segment does not get there or does
+    /// not run along the vehicle's direction.
+    fn cut(&self, range_m: f64) -> Option<(f64, f64)> {
+        // A segment square to the vehicle has an infinite or undefined slope: refused here.
+        if !(self.slope.abs() <= MAX_SLOPE) || range_m < self.near_m || range_m >= self.far_m {
+            return None;
+        }
+        let ahead_m = range_m - self.from[0];
+        let lateral_m = self.from[1] + self.slope * ahead_m;
+        (lateral_m.abs() <= SIDE_M)
+            .then_some((lateral_m, self.from_station_m + self.station_per_range * ahead_m))
+    }
+}
+
+/// How a seen line lies against a map line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Against {
+    /// Mean of seen minus mapped lateral position over common cuts, in metres.
+    pub offset_m: f64,
+    /// Mean of its square, in square metres.
+    pub mean_square_m2: f64,
+    /// Difference of their slopes (tangent), 0 with fewer than two common cuts.
+    pub slope: f64,
+    /// Common cuts.
+    pub cuts: usize,
+}
+
+impl Against {
+    /// Compares at the ranges that both have; none if there is none.
+    #[must_use]
+    pub fn new(seen: &CutLine, mapped: &CutLine) -> Option<Self> {
+        let (mut n, mut sum, mut square, mut sum_x, mut sum_xx, mut sum_xy) =
+            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        for cut in &seen.cuts {
+            let Some(other) = mapped.cuts.iter().find(|other| other.range == cut.range) else {
+                continue;
+            };
+            let offset = cut.lateral_m - other.lateral_m;
+            let x = RANGES_M[cut.range];
+            n += 1.0;
+            sum += offset;
+            square += offset * offset;
+            sum_x += x;
+            sum_xx += x * x;
+            sum_xy += x * offset;
+        }
+        let spread = n * sum_xx - sum_x * sum_x;
+        (n > 0.0).then(|| Self {
+            offset_m: sum / n,
+            mean_square_m2: square / n,
+            slope: if spread > 1e-9 {
+                (n * sum_xy - sum_x * sum) / spread
+            } else {
+                0.0
+            },
+            cuts: n as usize,
+        })
+    }
+}

@@ -1,0 +1,153 @@
+//! The base map around one chunk, in the chunk's plane.
+
+use std::f64::consts::TAU;
+
+use rstar::{AABB, RTree, RTreeObject};
+use tilefold_schemas::{ElementKind, Marking};
+use tilefold_tiler::geodesy::LocalFrame;
+use tilefold_tiler::map_index::{MapIndex, MappedElement};
+use tilefold_tiler::station::Polyline;
+
+/// Mean radius of the earth in metres; only for how far to look in degrees.
+const EARTH_RADIUS_M: f64 = 6_371_000.0;
+
+/// A linear element in the plane of the chunk.
+#[derive(Debug)]
+pub struct LocalLine<'a> {
+    /// The element.
+    pub mapped: &'a MappedElement,
+    /// Its line; stations as the element itself counts them.
+    pub line: Polyline,
+}
+
+impl LocalLine<'_> {
+    /// Its marking.
+    #[must_use]
+    pub fn marking(&self) -> Marking {
+        self.mapped.element.marking
+    }
+}
+
+/// A stretch of a line between two vertices, as the spatial index keeps it.
+#[derive(Debug, Clone, Copy)]
+struct Segment {
+    line: usize,
+    from: [f64; 2],
+    to: [f64; 2],
+    from_station_m: f64,
+}
+
+impl RTreeObject for Segment {
+    type Envelope = AABB<[f64; 2]>;
+
+    fn envelope(&self) -> Self::Envelope {
+        AABB::from_corners(self.from, self.to)
+    }
+}
+
+/// Lines around a chunk with a spatial index over their segments.
+#[derive(Debug)]
+pub struct LocalMap<'a> {
+    /// Lane markings near the trajectory, by element id.
+    pub lines: Vec<LocalLine<'a>>,
+    segments: RTree<Segment>,
+}
+
+/// A segment near a place, in the plane of the chunk.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NearSegment {
+    /// Index into [`LocalMap::lines`].
+    pub line: usize,
+    /// First end, metres.
+    pub from: [f64; 2],
+    /// Second end, metres.
+    pub to: [f64; 2],
+    /// Station of the first end.
+    pub from_station_m: f64,
+}
+
+impl<'a> LocalMap<'a> {
+    /// The lane markings whose bounding box comes within `reach_m` of the box of `places` (east,
+    /// north in `frame`).
+    #[must_use]
+    pub fn around(
+        map: &'a MapIndex,
+        frame: &LocalFrame,
+        places: impl Iterator<Item = [f64; 2]>,
+        reach_m: f64,
+    ) -> Self {
+        let (low, high) = degrees_around(frame, places, reach_m);
+        let lines: Vec<LocalLine<'a>> = map
+            .within(low, high)
+            .into_iter()
+            .filter(|mapped| mapped.element.kind == ElementKind::LaneMarking)
+            .filter_map(|mapped| {
+                // Elevation stays out: the road is worked on as a plane, and poses have none.
+                let points = mapped.element.points.iter();
+                let plane = points.map(|&[lon, lat, _]| frame.to_enu([lon, lat, 0.0]));
+                let line = Polyline::new(plane).ok()?;
+                Some(LocalLine { mapped, line })
+            })
+            .collect();
+        let segments = lines
+            .iter()
+            .enumerate()
+            .flat_map(|(index, local)| segments(index, &local.line))
+            .collect();
+        Self {
+            lines,
+            segments: RTree::bulk_load(segments),
+        }
+    }
+
+    /// Segments whose bounding box meets the given one, ordered by line and station.
+    pub fn segments_within(&self, low: [f64; 2], high: [f64; 2], found: &mut Vec<NearSegment>) {
+        found.clear();
+        let envelope = AABB::from_corners(low, high);
+        found.extend(
+            self.segments
+                .locate_in_envelope_intersecting(envelope)
+                .map(|segment| NearSegment {
+                    line: segment.line,
+                    from: segment.from,
+                    to: segment.to,
+                    from_station_m: segment.from_station_m,
+                }),
+        );
+        found.sort_by(|a, b| {
+            (a.line.cmp(&b.line)).then(a.from_station_m.total_cmp(&b.from_station_m))
+        });
+    }
+}
+
+fn segments(line: usize, polyline: &Polyline) -> impl Iterator<Item = Segment> + '_ {
+    let stations = polyline.stations_m();
+    let pairs = polyline.points().windows(2).zip(stations);
+    pairs.map(move |(pair, &from_station_m)| Segment {
+        line,
+        from: [pair[0][0], pair[0][1]],
+        to: [pair[1][0], pair[1][1]],
+        from_station_m,
+    })
+}
+
+fn degrees_around(
+    frame: &LocalFrame,
+    places: impl Iterator<Item = [f64; 2]>,
+    reach_m: f64,
+) -> ([f64; 2], [f64; 2]) {
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    for [east_m, north_m] in places {
+        let [longitude_deg, latitude_deg, _] = frame.to_wgs84([east_m, north_m, 0.0]);
+        low = [low[0].min(longitude_deg), low[1].min(latitude_deg)];
+        high = [high[0].max(longitude_deg), high[1].max(latitude_deg)];
+    }
+    let reach_lat_deg = reach_m / (EARTH_RADIUS_M * TAU / 360.0);
+    let shrink = high[1].abs().max(low[1].abs()).to_radians().cos().max(0.01);
+    let reach_lon_deg = reach_lat_deg / shrink;
+    (
+        [low[0] - reach_lon_deg, low[1] - reach_lat_deg],
+        [high[0] + reach_lon_deg, high[1] + reach_lat_deg],
+    )
+}

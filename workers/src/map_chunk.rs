@@ -1,0 +1,147 @@
+//! The map stage: one chunk in, keyed evidence out. This file only joins its siblings.
+
+use tilefold_schemas::{EvidenceRow, Footprint, SetAside, SetAsideKind, Sighting};
+use tilefold_tiler::chunk::Chunk;
+use tilefold_tiler::map_index::MapIndex;
+
+use crate::cuts::CrossCut;
+use crate::footprint::Footprints;
+use crate::frames::FrameTree;
+use crate::local_map::LocalMap;
+use crate::look::{Look, Looks};
+use crate::matching::match_lines;
+use crate::pose::{PoseError, Trajectory};
+use crate::register::register;
+use crate::sight::Sightings;
+use crate::testify::{Frame, Ledger};
+use crate::visibility::Zone;
+
+/// How far around the trajectory the map is looked at, in metres.
+const MAP_REACH_M: f64 = 60.0;
+
+/// What every chunk is confronted with.
+#[derive(Debug)]
+pub struct MapContext {
+    /// The base map.
+    pub map: MapIndex,
+    /// Level of the tiles that evidence is keyed by.
+    pub tile_level: u32,
+}
+
+/// What a chunk testifies.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Evidence {
+    /// Ledger rows, by element and section.
+    pub rows: Vec<EvidenceRow>,
+    /// Unexplained stretches of paint.
+    pub sightings: Vec<Sighting>,
+    /// Where it looked.
+    pub footprints: Vec<Footprint>,
+    /// Frames of the chunk's own window.
+    pub frames: u64,
+    /// What was not used. The file is left empty: the map stage does not know files.
+    pub set_aside: Vec<SetAside>,
+}
+
+/// Maps one chunk.
+///
+/// # Errors
+/// The chunk has no trajectory: it is set aside as a whole.
+pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseError> {
+    let recording = &chunk.recording;
+    let tree = FrameTree::new(&recording.static_transforms);
+    let local_frame = Trajectory::anchor(recording)?;
+    let trajectory = Trajectory::estimate(recording, &local_frame, &tree)?;
+    let Looks {
+        looks,
+        without_pose_ns,
+        without_camera_ns,
+    } = Looks::collect(recording, &trajectory, &tree);
+    let mut evidence = Evidence {
+        set_aside: losses(chunk, &without_pose_ns, &without_camera_ns),
+        ..Evidence::default()
+    };
+    if looks.is_empty() {
+        return Ok(evidence);
+    }
+    let places = looks.iter().map(|look| [look.pose.east_m, look.pose.north_m]);
+    let map = LocalMap::around(&context.map, &local_frame, places, MAP_REACH_M);
+    let mut scratch = Vec::new();
+    let cross_cuts: Vec<CrossCut> = looks
+        .iter()
+        .map(|look| CrossCut::new(look, &map, &mut scratch))
+        .collect();
+    let registrations = register(&looks, &cross_cuts);
+    let zone = Zone::learn(&looks);
+
+    let mut ledger = Ledger::new(chunk.id, &map, &zone);
+    let mut sightings = Sightings::default();
+    let mut footprints = Footprints::default();
+    let ways_m = ways_m(&looks);
+    let (from_ns, to_ns) = chunk.bounds_ns();
+    for (index, look) in looks.iter().enumerate() {
+        if !(from_ns..to_ns).contains(&look.pose.stamp_ns) {
+            continue;
+        }
+        let matches = match_lines(&cross_cuts[index], registrations[index].offset_m);
+        let frame = Frame {
+            look,
+            cross_cut: &cross_cuts[index],
+            registration: registrations[index],
+            matches: &matches,
+        };
+        ledger.add(&frame);
+        sightings.add(&frame, ways_m[index]);
+        footprints.add(&frame, ways_m[index]);
+        evidence.frames += 1;
+    }
+    evidence.rows = ledger.into_rows();
+    let level = context.tile_level;
+    // A vertex on no tile cannot come of a trajectory on the earth; if it does, nothing is said.
+    evidence.sightings = sightings
+        .into_rows(chunk.id, &local_frame, level)
+        .unwrap_or_default();
+    evidence.footprints = footprints
+        .into_rows(chunk.id, &local_frame, &zone, level)
+        .unwrap_or_default();
+    Ok(evidence)
+}
+
+/// Metres of way at each look since the first.
+fn ways_m(looks: &[Look]) -> Vec<f64> {
+    let mut way_m = 0.0;
+    let mut ways_m = Vec::with_capacity(looks.len());
+    for (index, look) in looks.iter().enumerate() {
+        if let Some(before) = index.checked_sub(1).map(|before| &looks[before].pose) {
+            let (east, north) = (look.pose.east_m - before.east_m, look.pose.north_m - before.north_m);
+            way_m += east.hypot(north);
+        }
+        ways_m.push(way_m);
+    }
+    ways_m
+}
+
+/// Frames of the chunk's own window that could not be used.
+fn losses(chunk: &Chunk, without_pose_ns: &[i64], without_camera_ns: &[i64]) -> Vec<SetAside> {
+    let (from_ns, to_ns) = chunk.bounds_ns();
+    let loss = |stamps: &[i64], reason: &str| {
+        let mut own = stamps.iter().filter(|stamp| (from_ns..to_ns).contains(*stamp));
+        let first = *own.next()?;
+        let count = 1 + own.count() as u64;
+        let loss = SetAside::new(SetAsideKind::Frame, "", reason);
+        Some(loss.when(first).times(count))
+    };
+    [
+        loss(
+            without_pose_ns,
+            "no pose: fixes are more than 2 s apart, or orientations more than 1 s",
+        ),
+        loss(
+            without_camera_ns,
+            "detections are in pixels, and the log has no usable camera calibration and mounting for them",
+        ),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}

@@ -1,0 +1,261 @@
+//! Matching of seen lines to map lines: Algorithm 1 of the paper with the decisions of method.md,
+//! sections 5 and 8.
+//!
+//! Both sides are ordered from left to right, and paint does not overtake paint; so one global
+//! assignment that keeps the order, with a dummy for every line that stays alone, is a sequence
+//! alignment. It is found exactly by dynamic programming.
+
+use crate::cuts::{Against, CrossCut, CutLine};
+
+/// A seen line farther than this from a map line is not that line, in metres: half a narrow lane.
+pub const GATE_M: f64 = 1.6;
+/// A match this far off or nearer is the line in its place, in metres.
+pub const IN_PLACE_M: f64 = 0.6;
+/// Scales of the distance and shape terms, in metres and square metres.
+const DISTANCE_SIGMA_M: f64 = 0.5;
+const SHAPE_SIGMA_M2: f64 = 0.25;
+/// Weights of distance, shape and direction in the complete case (Eq 7) and the incomplete (Eq 9).
+const COMPLETE: [f64; 3] = [0.5, 0.5, 0.0];
+const INCOMPLETE: [f64; 3] = [0.4, 0.4, 0.2];
+/// A match is ambiguous if another one of the same seen line scores at least this share of it.
+const AMBIGUOUS_SHARE: f64 = 0.9;
+/// Scale of the gain that the alignment maximises, in metres: flat enough that a line shifted by
+/// a metre still finds its map line.
+const GAIN_SIGMA_M: f64 = 0.9;
+
+/// A seen line that was matched to a map line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Match {
+    /// Index into [`CrossCut::seen`].
+    pub seen: usize,
+    /// Index into [`CrossCut::mapped`].
+    pub mapped: usize,
+    /// Seen minus mapped lateral position after registration, positive to the vehicle's left.
+    pub residual_m: f64,
+    /// Score of Eq 7 or Eq 9 in `[0, 1]`.
+    pub score: f64,
+    /// Whether another map line explains the seen line nearly as well.
+    pub is_ambiguous: bool,
+}
+
+/// The assignment of one frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Matches {
+    /// Pairs, from right to left.
+    pub pairs: Vec<Match>,
+    /// Whether every seen line and every map line in view found its partner (K_m = K_p).
+    pub is_complete: bool,
+}
+
+/// A candidate pair.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    residual_m: f64,
+    mean_square_m2: f64,
+    slope: f64,
+}
+
+/// Matches a frame whose vehicle really was `offset_m` to the left of its pose.
+#[must_use]
+pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
+    let seen = by_lateral(&cross_cut.seen);
+    let mapped = by_lateral(&cross_cut.mapped);
+    let candidates: Vec<Vec<Option<Candidate>>> = seen
+        .iter()
+        .map(|&s| {
+            let seen = &cross_cut.seen[s];
+            let against = |&m: &usize| candidate(seen, &cross_cut.mapped[m], offset_m);
+            mapped.iter().map(against).collect()
+        })
+        .collect();
+    let assigned = align(&candidates);
+    let is_complete = assigned.len() == seen.len() && assigned.len() == mapped.len();
+    let weights = if is_complete { COMPLETE } else { INCOMPLETE };
+    let pairs = assigned
+        .into_iter()
+        .filter_map(|(row, column)| {
+            let chosen = candidates[row][column]?;
+            let score_of = |candidate: &Candidate| score(candidate, weights);
+            let best = score_of(&chosen);
+            let rival = candidates[row]
+                .iter()
+                .enumerate()
+                .filter(|&(other, _)| other != column)
+                .filter_map(|(_, candidate)| candidate.as_ref().map(score_of))
+                .fold(0.0, f64::max);
+            Some(Match {
+                seen: seen[row],
+                mapped: mapped[column],
+                residual_m: chosen.residual_m,
+                score: best,
+                is_ambiguous: rival >= AMBIGUOUS_SHARE * best,
+            })
+        })
+        .collect();
+    Matches { pairs, is_complete }
+}
+
+/// Indices of lines from right to left.
+fn by_lateral(lines: &[CutLine]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..lines.len()).collect();
+    order.sort_by(|&a, &b| lines[a].lateral_m().total_cmp(&lines[b].lateral_m()));
+    order
+}
+
+fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidate> {
+    let against = Against::new(seen, mapped)?;
+    let residual_m = against.offset_m + offset_m;
+    // E[(x + o)^2] = E[x^2] + 2 o E[x] + o^2.
+    let mean_square_m2 =
+        against.mean_square_m2 + offset_m * (2.0 * against.offset_m + offset_m);
+    (residual_m.abs() <= GATE_M).then_some(Candidate {
+        residual_m,
+        mean_square_m2: mean_square_m2.max(0.0),
+        slope: against.slope,
+    })
+}
+
+/// Score of a pair on an absolute scale: the best of bad candidates stays bad.
+fn score(candidate: &Candidate, [w1, w2, w3]: [f64; 3]) -> f64 {
+    let distance = candidate.residual_m / DISTANCE_SIGMA_M;
+    let near = (-0.5 * distance * distance).exp();
+    let alike = (-0.5 * candidate.mean_square_m2 / SHAPE_SIGMA_M2).exp();
+    let cos = 1.0 / (1.0 + candidate.slope * candidate.slope).sqrt();
+    w1 * near + w2 * alike + w3 * 0.5 * (1.0 + cos)
+}
+
+/// The order-preserving assignment with the greatest total gain; pairs of (row, column).
+fn align(candidates: &[Vec<Option<Candidate>>]) -> Vec<(usize, usize)> {
+    let rows = candidates.len();
+    let columns = candidates.first().map_or(0, Vec::len);
+    let gain = |row: usize, column: usize| -> Option<f64> {
+        let z = candidates[row][column]?.residual_m / GAIN_SIGMA_M;
+        Some((-0.5 * z * z).exp())
+    };
+    // best[row][column]: greatest gain of the first `row` seen and `column` mapped lines.
+    let mut best = vec![vec![0.0_f64; columns + 1]; rows + 1];
+    for row in 1..=rows {
+        for column in 1..=columns {
+            let alone = best[row - 1][column].max(best[row][column - 1]);
+            let paired = gain(row - 1, column - 1).map(|g| g + best[row - 1][column - 1]);
+            best[row][column] = paired.map_or(alone, |paired| paired.max(alone));
+        }
+    }
+    let mut pairs = Vec::new();
+    let (mut row, mut column) = (rows, columns);
+    while row > 0 && column > 0 {
+        if best[row][column] == best[row - 1][column] {
+            row -= 1;
+        } else if best[row][column] == best[row][column - 1] {
+            column -= 1;
+        } else {
+            row -= 1;
+            column -= 1;
+            pairs.push((row, column));
+        }
+    }
+    pairs.reverse();
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cuts::Cut;
+    use proptest::prelude::*;
+
+    fn line(line: usize, lateral_m: f64) -> CutLine {
+        let cuts = (2..6)
+            .map(|range| Cut {
+                range,
+                lateral_m,
+                station_m: 0.0,
+            })
+            .collect();
+        CutLine { line, cuts }
+    }
+
+    fn frame(seen: &[f64], mapped: &[f64]) -> CrossCut {
+        let lines = |laterals: &[f64]| {
+            let lines = laterals.iter().enumerate();
+            lines.map(|(index, &lateral)| line(index, lateral)).collect()
+        };
+        CrossCut {
+            seen: lines(seen),
+            mapped: lines(mapped),
+        }
+    }
+
+    #[test]
+    fn a_complete_frame_scores_by_hand() {
+        let matches = match_lines(&frame(&[1.9, -1.6], &[1.75, -1.75]), -0.05);
+        assert!(matches.is_complete);
+        let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
+        assert_eq!(found, [(1, 1), (0, 0)]);
+        // Residual 0.1: d~ = 1 - exp(-0.1^2 / (2 * 0.5^2)), v~ = 1 - exp(-0.01 / (2 * 0.25)).
+        let expected = 0.5 * (-0.02_f64).exp() + 0.5 * (-0.02_f64).exp();
+        for pair in matches.pairs {
+            assert!((pair.residual_m - 0.1).abs() < 1e-12);
+            assert!((pair.score - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn order_is_kept_and_strangers_stay_alone() {
+        // The right one of two seen lines belongs to the right map line, though the left is nearer.
+        let matches = match_lines(&frame(&[0.2, 1.2], &[1.0, 5.0]), 0.0);
+        let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
+        assert_eq!(found, [(1, 0)]);
+        assert!(!matches.is_complete);
+    }
+
+    #[test]
+    fn halfway_between_two_map_lines_is_ambiguous() {
+        let matches = match_lines(&frame(&[0.0], &[-0.5, 0.5]), 0.0);
+        assert_eq!(matches.pairs.len(), 1);
+        assert!(matches.pairs[0].is_ambiguous);
+    }
+
+    proptest! {
+        /// Against every assignment there is, one by one.
+        #[test]
+        fn no_other_ordered_assignment_gains_more(
+            seen in prop::collection::vec(-4.0..4.0_f64, 0..5),
+            mapped in prop::collection::vec(-4.0..4.0_f64, 0..5),
+        ) {
+            let cross_cut = frame(&seen, &mapped);
+            let gain = |pairs: &[(usize, usize)]| -> f64 {
+                pairs.iter().map(|&(s, m)| {
+                    let z = (seen[s] - mapped[m]) / GAIN_SIGMA_M;
+                    (-0.5 * z * z).exp()
+                }).sum()
+            };
+            let found: Vec<_> = match_lines(&cross_cut, 0.0)
+                .pairs.iter().map(|m| (m.seen, m.mapped)).collect();
+            let mut best = 0.0_f64;
+            every_ordered(&seen, &mapped, &mut Vec::new(), &mut |pairs| best = best.max(gain(pairs)));
+            prop_assert!((gain(&found) - best).abs() < 1e-9);
+        }
+    }
+
+    fn every_ordered(
+        seen: &[f64],
+        mapped: &[f64],
+        pairs: &mut Vec<(usize, usize)>,
+        visit: &mut impl FnMut(&[(usize, usize)]),
+    ) {
+        visit(pairs);
+        for s in 0..seen.len() {
+            for m in 0..mapped.len() {
+                let keeps_order = pairs.iter().all(|&(a, b)| {
+                    (seen[a] < seen[s] && mapped[b] < mapped[m]) && a != s && b != m
+                });
+                if keeps_order && (seen[s] - mapped[m]).abs() <= GATE_M {
+                    pairs.push((s, m));
+                    every_ordered(seen, mapped, pairs, visit);
+                    pairs.pop();
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! Testimony: what a chunk's frames say about the sections of map elements, as ledger rows in
+//! integers (method.md, section 7).
+
+use std::collections::BTreeMap;
+
+use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
+use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
+use tilefold_tiler::station::section_of;
+
+use crate::cuts::{CrossCut, CutLine};
+use crate::local_map::{LocalLine, LocalMap};
+use crate::look::Look;
+use crate::matching::{IN_PLACE_M, Match, Matches};
+use crate::register::Registration;
+use crate::visibility::{Zone, side_visibility};
+
+/// Length of a section in metres (S in method.md, section 1).
+pub const SECTION_M: f64 = 10.0;
+/// Frames whose registration is less sure than this testify nothing.
+pub const MIN_CONFIDENCE: f64 = 0.6;
+/// A section less visible than this was not exposed.
+const MIN_VISIBILITY: f64 = 0.05;
+/// The paper's v_min: exposures below it enter none of its sums.
+const PAPER_MIN_VISIBILITY: f64 = 0.7;
+/// Noise of one lateral residual apart from registration, in metres.
+const RESIDUAL_SIGMA_M: f64 = 0.15;
+
+/// A frame with everything that was found out about it.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame<'a> {
+    /// Pose and seen lines.
+    pub look: &'a Look,
+    /// Lateral positions.
+    pub cross_cut: &'a CrossCut,
+    /// Lateral correction.
+    pub registration: Registration,
+    /// Which seen line is which map line.
+    pub matches: &'a Matches,
+}
+
+/// Collects the ledger rows of one chunk.
+#[derive(Debug)]
+pub struct Ledger<'a> {
+    chunk: ChunkId,
+    map: &'a LocalMap<'a>,
+    zone: &'a Zone,
+    rows: BTreeMap<(usize, u32), EvidenceRow>,
+}
+
+impl<'a> Ledger<'a> {
+    /// An empty ledger of a chunk.
+    #[must_use]
+    pub fn new(chunk: ChunkId, map: &'a LocalMap<'a>, zone: &'a Zone) -> Self {
+        Self {
+            chunk,
+            map,
+            zone,
+            rows: BTreeMap::new(),
+        }
+    }
+
+    /// Adds what a frame says.
+    pub fn add(&mut self, frame: &Frame<'_>) {
+        if frame.registration.confidence < MIN_CONFIDENCE {
+            return;
+        }
+        for (index, mapped) in frame.cross_cut.mapped.iter().enumerate() {
+            let lateral_m = mapped.lateral_m() - frame.registration.offset_m;
+            let visibility = self.zone.share(mapped)
+                * side_visibility(lateral_m)
+                * frame.registration.confidence;
+            if visibility < MIN_VISIBILITY {
+                continue;
+            }
+            let matched = frame.matches.pairs.iter().find(|pair| pair.mapped == index);
+            let row = self.row(mapped);
+            expose(row.row, frame.look.pose.stamp_ns, visibility);
+            paper_sums(row.row, visibility, matched);
+            match matched {
+                Some(pair) => hit(row, frame, pair),
+                None => row.row.sum_v_miss_fx += fixed::from_f64(visibility),
+            }
+        }
+    }
+
+    /// The rows, by element and section.
+    #[must_use]
+    pub fn into_rows(self) -> Vec<EvidenceRow> {
+        self.rows.into_values().collect()
+    }
+
+    fn row(&mut self, mapped: &CutLine) -> Row<'_> {
+        let local = &self.map.lines[mapped.line];
+        let station_m = mapped.cuts[mapped.cuts.len() / 2].station_m;
+        let section = section_of(station_m, local.line.length_m(), SECTION_M);
+        let chunk = self.chunk;
+        let row = self
+            .rows
+            .entry((mapped.line, section))
+            .or_insert_with(|| empty_row(chunk, local, section));
+        Row {
+            row,
+            local,
+            station_m,
+        }
+    }
+}
+
+/// A row with the line that it speaks of.
+struct Row<'r> {
+    row: &'r mut EvidenceRow,
+    local: &'r LocalLine<'r>,
+    station_m: f64,
+}
+
+fn empty_row(chunk: ChunkId, local: &LocalLine<'_>, section: u32) -> EvidenceRow {
+    EvidenceRow {
+        tile: local.mapped.tile.0,
+        element: local.mapped.element.id.0,
+        content: local.mapped.content.0,
+        section: section.cast_signed(),
+        vehicle: chunk.vehicle.0,
+        channel: chunk.channel,
+        window: chunk.window,
+        method: METHOD_VERSION,
+        model: 0,
+        exposed: 0,
+        hit: 0,
+        sum_v_fx: 0,
+        sum_v2_fx: 0,
+        sum_v_miss_fx: 0,
+        sum_w_no_fx: 0,
+        sum_w_add_fx: 0,
+        sum_w_del_fx: 0,
+        sum_w_mod_fx: 0,
+        sum_w_fx: 0,
+        residuals: 0,
+        residual_eta_fx: 0,
+        residual_lambda_fx: 0,
+        residual_chi2_fx: 0,
+        seen: [0; CLASS_BINS],
+        first_ns: i64::MAX,
+        last_ns: i64::MIN,
+        best_ns: 0,
+        best_v_fx: -1,
+    }
+}
+
+fn expose(row: &mut EvidenceRow, stamp_ns: i64, visibility: f64) {
+    let v_fx = fixed::from_f64(visibility);
+    row.exposed += 1;
+    row.sum_v_fx += v_fx;
+    row.sum_v2_fx += fixed::from_f64(visibility * visibility);
+    row.first_ns = row.first_ns.min(stamp_ns);
+    row.last_ns = row.last_ns.max(stamp_ns);
+    if v_fx > row.best_v_fx {
+        row.best_v_fx = v_fx;
+        row.best_ns = stamp_ns;
+    }
+}
+
+/// Eq 14 to 18 with the decisions of method.md, section 8.
+fn paper_sums(row: &mut EvidenceRow, visibility: f64, matched: Option<&Match>) {
+    if visibility < PAPER_MIN_VISIBILITY {
+        return;
+    }
+    const THIRD: f64 = 1.0 / 3.0;
+    let (score, [add, del, modified]) = match matched {
+        None => (0.0, [0.0, 1.0, 0.0]),
+        Some(pair) if pair.is_ambiguous => (pair.score, [THIRD; 3]),
+        Some(pair) if pair.residual_m.abs() > IN_PLACE_M => (pair.score, [0.0, 0.0, 1.0]),
+        Some(pair) => (pair.score, [THIRD; 3]),
+    };
+    let weight = |share: f64| fixed::from_f64(visibility * share);
+    row.sum_w_no_fx += weight(score);
+    row.sum_w_add_fx += weight((1.0 - score) * add);
+    row.sum_w_del_fx += weight((1.0 - score) * del);
+    row.sum_w_mod_fx += weight((1.0 - score) * modified);
+    row.sum_w_fx += weight(1.0);
+}
+
+fn hit(Row { row, local, station_m }: Row<'_>, frame: &Frame<'_>, pair: &Match) {
+    row.hit += 1;
+    let seen = &frame.look.lines[frame.cross_cut.seen[pair.seen].line];
+    row.seen[seen.marking.code() as usize] += 1;
+    // Left of the vehicle is right of an element that runs against it.
+    let tangent = local.line.at(station_m).tangent;
+    let (sin, cos) = frame.look.pose.yaw_rad.sin_cos();
+    let along = (tangent[0] * cos + tangent[1] * sin).signum();
+    let residual_m = pair.residual_m * along;
+    let variance = RESIDUAL_SIGMA_M.powi(2) + frame.registration.sigma_m.powi(2);
+    row.residuals += 1;
+    row.residual_eta_fx += fixed::from_f64(residual_m / variance);
+    row.residual_lambda_fx += fixed::from_f64(1.0 / variance);
+    row.residual_chi2_fx += fixed::from_f64(residual_m * residual_m / variance);
+}

@@ -1,0 +1,65 @@
+//! How well a map line could be seen in a frame (method.md, section 6).
+
+use crate::cuts::{CutLine, RANGES_M};
+use crate::look::Look;
+
+/// A line this near to the vehicle's axis is seen as well as any, in metres.
+const NEAR_SIDE_M: f64 = 2.4;
+/// A line this far to the side is not seen at all, in metres.
+const FAR_SIDE_M: f64 = 6.5;
+/// A range belongs to the zone if it has at least this share of the sightings of the best range.
+const ZONE_SHARE: f64 = 0.5;
+
+/// Ranges ahead at which a channel sees lines, learnt from what it saw around the chunk.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Zone {
+    is_seen: [bool; RANGES_M.len()],
+    size: usize,
+}
+
+impl Zone {
+    /// The zone of all looks of a chunk.
+    #[must_use]
+    pub fn learn(looks: &[Look]) -> Self {
+        let mut counts = [0_usize; RANGES_M.len()];
+        for line in looks.iter().flat_map(|look| &look.lines) {
+            for (count, &range_m) in counts.iter_mut().zip(&RANGES_M) {
+                *count += usize::from(line.lateral_m(range_m).is_some());
+            }
+        }
+        let most = counts.iter().copied().max().unwrap_or(0);
+        let enough = ((most as f64 * ZONE_SHARE).ceil() as usize).max(1);
+        let is_seen = counts.map(|count| count >= enough);
+        Self {
+            is_seen,
+            size: is_seen.iter().filter(|seen| **seen).count(),
+        }
+    }
+
+    /// Nearest and farthest range of the zone, in metres; none if nothing was ever seen.
+    #[must_use]
+    pub fn range_m(&self) -> Option<(f64, f64)> {
+        let mut ranges = RANGES_M.iter().zip(self.is_seen).filter(|(_, seen)| *seen);
+        let nearest = *ranges.next()?.0;
+        Some((nearest, ranges.next_back().map_or(nearest, |(far, _)| *far)))
+    }
+
+    /// Share of the zone's ranges that a line crosses: V_geo.
+    #[must_use]
+    pub fn share(&self, line: &CutLine) -> f64 {
+        let crossed = line.cuts.iter().filter(|cut| self.is_seen[cut.range]);
+        crossed.count() as f64 / self.size.max(1) as f64
+    }
+}
+
+/// V_dist of a line at a lateral distance: 1 beside the vehicle, falling to 0 two lanes away.
+#[must_use]
+pub fn side_visibility(lateral_m: f64) -> f64 {
+    ((FAR_SIDE_M - lateral_m.abs()) / (FAR_SIDE_M - NEAR_SIDE_M)).clamp(0.0, 1.0)
+}
+
+/// How far to the side anything is seen, in metres.
+#[must_use]
+pub fn side_reach_m() -> f64 {
+    FAR_SIDE_M
+}
