@@ -1,0 +1,58 @@
+//! Why a city could not be made.
+
+use std::io;
+use std::path::PathBuf;
+
+use tilefold_formats::log_write::LogWriteError;
+use tilefold_formats::map_write::MapWriteError;
+
+/// Why a city could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum CityError {
+    /// A field of the specification outside of its limits.
+    #[error("{field} = {value} cannot be built: give {least} to {most}")]
+    Spec {
+        /// The field.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// The least that is possible.
+        least: f64,
+        /// The most that is possible.
+        most: f64,
+    },
+    /// More changes than stretches of road to put them on.
+    #[error(
+        "{changes} changes do not fit on {stretches} stretches of road, one on each: give fewer changes, or more or longer roads"
+    )]
+    Crowded {
+        /// Changes asked for, of all kinds.
+        changes: usize,
+        /// Stretches that there are.
+        stretches: usize,
+    },
+    /// A file that could not be written.
+    #[error("cannot write {path}: {source}; check the disk and the folder's rights")]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A map that could not be written.
+    #[error("{path}: {source}")]
+    Map {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: MapWriteError,
+    },
+    /// A log that could not be written.
+    #[error("{path}: {source}")]
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: LogWriteError,
+    },
+}

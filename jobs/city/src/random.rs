@@ -1,0 +1,84 @@
+//! Lots, drawn from named streams: what one part of the city draws does not shift what another
+//! draws.
+
+use std::f64::consts::TAU;
+
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::{Rng, SeedableRng};
+use tilefold_schemas::id::hash_text;
+
+/// One stream of lots.
+pub(crate) struct Random {
+    generator: Pcg64Mcg,
+}
+
+impl Random {
+    /// The stream called `name` with number `index`, of the city with this seed.
+    pub(crate) fn new(seed: u64, name: &str, index: u32) -> Self {
+        let stream = hash_text(&format!("{seed} {name} {index}"));
+        Self {
+            generator: Pcg64Mcg::seed_from_u64(stream.cast_unsigned()),
+        }
+    }
+
+    /// Uniform in `[0, 1)`, with 53 bits.
+    pub(crate) fn unit(&mut self) -> f64 {
+        (self.generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Uniform in `[from, to)`.
+    pub(crate) fn between(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * self.unit()
+    }
+
+    /// Normal with mean 0 (Box and Muller, 1958).
+    pub(crate) fn normal(&mut self, sigma: f64) -> f64 {
+        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
+        sigma * radius * (TAU * self.unit()).cos()
+    }
+
+    /// True with this probability.
+    pub(crate) fn chance(&mut self, probability: f64) -> bool {
+        self.unit() < probability
+    }
+
+    /// Uniform in `0..count`; 0 if there is nothing to choose from.
+    pub(crate) fn index(&mut self, count: usize) -> usize {
+        ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
+    }
+
+    /// -1 or 1.
+    pub(crate) fn sign(&mut self) -> f64 {
+        if self.chance(0.5) { 1.0 } else { -1.0 }
+    }
+
+    /// Any order of `items`, each as likely as any other.
+    pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            items.swap(last, self.index(last + 1));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_are_repeatable_and_apart() {
+        let first = |name, index| Random::new(7, name, index).unit();
+        assert_eq!(first("a", 0), first("a", 0));
+        assert_ne!(first("a", 0), first("a", 1));
+        assert_ne!(first("a", 0), first("b", 0));
+    }
+
+    #[test]
+    fn normal_lots_have_their_mean_and_spread() {
+        let mut random = Random::new(1, "normal", 0);
+        let lots: Vec<f64> = (0..20_000).map(|_| random.normal(2.0)).collect();
+        let mean = lots.iter().sum::<f64>() / 20_000.0;
+        let variance = lots.iter().map(|lot| lot * lot).sum::<f64>() / 20_000.0;
+        assert!(mean.abs() < 0.05, "{mean}");
+        assert!((variance - 4.0).abs() < 0.15, "{variance}");
+    }
+}

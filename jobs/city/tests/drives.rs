@@ -1,0 +1,103 @@
+//! A city's drives, read back: who drove, what was measured, and how well it fits the road.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use tilefold_city::{CitySpec, write};
+use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader, TopicKind};
+use tilefold_schemas::log::{LogMessage, Payload};
+
+fn read(path: &Path) -> (LogIndex, Vec<LogMessage>) {
+    let index = LogIndex::open(path).unwrap();
+    let mut messages = Vec::new();
+    let report = LogReader::new()
+        .read(
+            &index,
+            |_, _| true,
+            ALL_TIME,
+            |message| messages.push(message),
+        )
+        .unwrap();
+    assert_eq!(report.ignored, 0, "{report:?}");
+    (index, messages)
+}
+
+fn spec() -> CitySpec {
+    CitySpec {
+        roads: 2,
+        road_length_m: 400.0,
+        changes_per_kind: 1,
+        vehicles: 3,
+        drives: 4,
+        ..CitySpec::default()
+    }
+}
+
+#[test]
+fn logs_name_their_vehicle_and_lie_days_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = write(&spec(), folder.path()).unwrap();
+    let mut vehicles = BTreeSet::new();
+    let mut last_end_ns = spec().first_day_ns;
+    for path in &files.logs {
+        let (index, messages) = read(path);
+        let vehicle = index
+            .metadata
+            .iter()
+            .find(|record| record.name == "vehicle");
+        vehicles.insert(vehicle.unwrap().entries["vehicle_id"].clone());
+        for kind in [TopicKind::Gnss] {
+            assert_eq!(index.topics_of(kind).count(), 1);
+        }
+        let stamps = messages.iter().map(|message| message.stamp_ns);
+        let (first, last) = (stamps.clone().min().unwrap(), stamps.max().unwrap());
+        assert!(
+            first > last_end_ns,
+            "{path:?} begins before the drive before it ends"
+        );
+        last_end_ns = last;
+        assert!(messages.is_sorted_by_key(|message| message.log_time_ns));
+        assert!(
+            messages
+                .iter()
+                .all(|message| message.log_time_ns > message.stamp_ns)
+        );
+    }
+    assert_eq!(vehicles.len(), 3);
+}
+
+#[test]
+fn detections_lie_before_the_vehicle_and_some_frames_are_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = write(&spec(), folder.path()).unwrap();
+    let (mut frames, mut empty, mut lines) = (0, 0, 0);
+    for path in &files.logs {
+        for message in read(path).1 {
+            let Payload::Detections(frame) = message.payload else {
+                continue;
+            };
+            assert_eq!(message.frame_id, "base_link");
+            frames += 1;
+            empty += usize::from(frame.detections.is_empty());
+            lines += frame.detections.len();
+            for detection in &frame.detections {
+                assert!(detection.points.len() >= 3);
+                assert!((0.0..=1.0).contains(&detection.score));
+                for [x_m, y_m, _] in &detection.points {
+                    assert!(
+                        (3.9..=13.0).contains(x_m) && y_m.abs() < 7.0,
+                        "{x_m}, {y_m}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(frames > 4 * 500, "{frames} frames");
+    // Junctions and the street's two ends have no paint.
+    assert!(
+        (frames / 20..frames / 3).contains(&empty),
+        "{empty} of {frames} empty"
+    );
+    let per_frame = f64::from(lines as u32) / f64::from((frames - empty) as u32);
+    assert!((2.0..4.0).contains(&per_frame), "{per_frame} lines a frame");
+}
