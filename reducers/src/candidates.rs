@@ -1,0 +1,611 @@
+//! Candidates: paint that the map lacks, found by following sightings, and confronted with every
+//! pass that looked there.
+//!
+//! Sightings that touch form a component; each is worked on in its own plane, so nothing depends
+//! on tile borders. Within a component a line is followed from its best supported place in both
+//! directions, two metres at a time, along the median of what the vehicles saw. Ties are broken
+//! by time, vehicle and track, never by order of arrival.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree};
+use tilefold_schemas::{ChangeRecord, ElementKind, Footprint, Sighting, Verdict, fixed, wkb};
+use tilefold_tiler::geodesy::LocalFrame;
+use tilefold_tiler::map_index::bounds;
+use tilefold_tiler::tile::tile_of;
+
+use crate::calibrated::{CONTAMINATION, DETECTION};
+use crate::chain;
+use crate::elements::{SECTION_M, round_degrees};
+
+/// Sightings whose boxes come this near belong to one component, in degrees (about 5 m).
+const TOUCH_DEG: f64 = 5e-5;
+/// Step of following, in metres.
+const STEP_M: f64 = 2.0;
+/// Half length and half width of the window that is looked at in each step, in metres.
+const WINDOW_M: (f64, f64) = (4.0, 0.9);
+/// A line is followed over at most this much road without a sighting, in metres.
+const MAX_GAP_M: f64 = 12.0;
+/// A line is begun where at least this many vehicles saw it.
+const MIN_SEED_VEHICLES: usize = 2;
+/// A vehicle's sighting within this distance along the line is a hit, in metres.
+const HIT_REACH_M: f64 = 6.0;
+/// P(sighting | nothing there): clutter that lasts long enough for a track.
+const CLUTTER: f64 = 0.1;
+/// Prior that a place where something was sighted has paint that the map lacks.
+const PRIOR_ADDED: f64 = 0.02;
+/// Neighbouring sections share their passes: see `elements`.
+const WORTH: f64 = 1.0 / 3.0;
+/// A candidate is at least this long, in metres.
+const MIN_LENGTH_M: f64 = 8.0;
+/// A footprint shows a place if it is in its range widened by half a sample, in metres.
+const RANGE_SLACK_M: f64 = 3.0;
+
+/// A vertex of a sighting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Vertex {
+    at: [f64; 2],
+    /// Unit vector along the sighting.
+    along: [f64; 2],
+    vehicle: i64,
+    /// Index of its sighting within the component.
+    sighting: usize,
+}
+
+/// A line that was followed, in the plane of its component.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Followed {
+    nodes: Vec<[f64; 2]>,
+    /// Vehicles that saw it near each node, with the sightings.
+    seen_by: Vec<BTreeMap<i64, BTreeSet<usize>>>,
+}
+
+/// Change records of all additions in `sightings`, by owner tile (that of their first vertex).
+#[must_use]
+pub fn judge(
+    sightings: &[Sighting],
+    footprints: &[Footprint],
+    tile_level: u32,
+    model_name: &str,
+) -> Vec<ChangeRecord> {
+    let looks = LookIndex::new(footprints);
+    let mut records: Vec<ChangeRecord> = components(sightings)
+        .into_iter()
+        .flat_map(|component| judge_component(&component, &looks, tile_level, model_name))
+        .collect();
+    records.sort_by_key(|record| (record.tile, record.change));
+    records
+}
+
+/// Sightings in groups that touch, each in canonical order.
+fn components(sightings: &[Sighting]) -> Vec<Vec<&Sighting>> {
+    let mut ordered: Vec<&Sighting> = sightings.iter().collect();
+    ordered.sort_by_key(|s| (s.first_ns, s.vehicle, s.channel, s.window, s.track));
+    let boxes: Vec<([f64; 2], [f64; 2])> = ordered
+        .iter()
+        .map(|sighting| bounds(&vertices_of(sighting)))
+        .collect();
+    let tree = RTree::bulk_load(
+        boxes
+            .iter()
+            .enumerate()
+            .map(|(index, (low, high))| {
+                GeomWithData::new(Rectangle::from_corners(*low, *high), index)
+            })
+            .collect(),
+    );
+    let mut component_of = vec![usize::MAX; ordered.len()];
+    let mut components: Vec<Vec<usize>> = Vec::new();
+    for start in 0..ordered.len() {
+        if component_of[start] != usize::MAX {
+            continue;
+        }
+        let number = components.len();
+        component_of[start] = number;
+        let mut members = vec![start];
+        let mut next = 0;
+        while let Some(&member) = members.get(next) {
+            next += 1;
+            let (low, high) = boxes[member];
+            let around = AABB::from_corners(
+                low.map(|value| value - TOUCH_DEG),
+                high.map(|value| value + TOUCH_DEG),
+            );
+            for touched in tree.locate_in_envelope_intersecting(around) {
+                if component_of[touched.data] == usize::MAX {
+                    component_of[touched.data] = number;
+                    members.push(touched.data);
+                }
+            }
+        }
+        members.sort_unstable();
+        components.push(members);
+    }
+    let sighting = |index: usize| ordered[index];
+    components
+        .into_iter()
+        .map(|members| members.into_iter().map(sighting).collect())
+        .collect()
+}
+
+/// Vertices of a sighting; none if its geometry is damaged (the store checks that before).
+fn vertices_of(sighting: &Sighting) -> Vec<[f64; 3]> {
+    wkb::read(&sighting.geometry).map_or_else(|_| Vec::new(), |geometry| geometry.points)
+}
+
+fn judge_component(
+    component: &[&Sighting],
+    looks: &LookIndex,
+    tile_level: u32,
+    model_name: &str,
+) -> Vec<ChangeRecord> {
+    let Some(anchor) = component.iter().find_map(|s| vertices_of(s).first().copied()) else {
+        return Vec::new();
+    };
+    let frame = LocalFrame::new([anchor[0], anchor[1], 0.0]);
+    let vertices = plane_vertices(component, &frame);
+    follow_all(&vertices)
+        .into_iter()
+        .flat_map(|line| judge_line(&line, component, &frame, looks, tile_level, model_name))
+        .collect()
+}
+
+fn plane_vertices(component: &[&Sighting], frame: &LocalFrame) -> Vec<Vertex> {
+    let mut vertices = Vec::new();
+    for (index, sighting) in component.iter().enumerate() {
+        let points: Vec<[f64; 2]> = vertices_of(sighting)
+            .iter()
+            .map(|&[lon, lat, _]| {
+                let [east, north, _] = frame.to_enu([lon, lat, 0.0]);
+                [east, north]
+            })
+            .collect();
+        for at in 0..points.len() {
+            let (from, to) = (points[at.saturating_sub(1)], points[(at + 1).min(points.len() - 1)]);
+            if let Some(along) = unit([to[0] - from[0], to[1] - from[1]]) {
+                vertices.push(Vertex {
+                    at: points[at],
+                    along,
+                    vehicle: sighting.vehicle,
+                    sighting: index,
+                });
+            }
+        }
+    }
+    vertices
+}
+
+fn unit([x, y]: [f64; 2]) -> Option<[f64; 2]> {
+    let length = x.hypot(y);
+    (length > 1e-9).then(|| [x / length, y / length])
+}
+
+/// Follows lines until no place is left that enough vehicles saw.
+fn follow_all(vertices: &[Vertex]) -> Vec<Followed> {
+    let tree = RTree::bulk_load(
+        vertices
+            .iter()
+            .enumerate()
+            .map(|(index, vertex)| GeomWithData::new(vertex.at, index))
+            .collect(),
+    );
+    let mut free = vec![true; vertices.len()];
+    // Support only shrinks while vertices are used up, so the order of seeds can be made once.
+    let mut seeds: Vec<(std::cmp::Reverse<usize>, usize)> = (0..vertices.len())
+        .map(|index| {
+            let seed = &vertices[index];
+            let window = Window::new(seed.at, seed.along);
+            let support = window.gather(&tree, vertices, &free).by_vehicle.len();
+            (std::cmp::Reverse(support), index)
+        })
+        .collect();
+    seeds.sort_unstable();
+    let mut lines = Vec::new();
+    for (_, index) in seeds {
+        if !free[index] {
+            continue;
+        }
+        let seed = &vertices[index];
+        let support = Window::new(seed.at, seed.along).gather(&tree, vertices, &free);
+        if support.by_vehicle.len() < MIN_SEED_VEHICLES {
+            continue;
+        }
+        let line = follow(seed, &tree, vertices, &free);
+        use_up(&line, &tree, vertices, &mut free);
+        free[index] = false;
+        lines.push(line);
+    }
+    lines
+}
+
+type VertexTree = RTree<GeomWithData<[f64; 2], usize>>;
+
+/// The window around a place of a line.
+struct Window {
+    at: [f64; 2],
+    along: [f64; 2],
+}
+
+/// What was seen in a window.
+#[derive(Default)]
+struct Gathered {
+    /// Sum of offsets, of directions and count, per vehicle.
+    by_vehicle: BTreeMap<i64, (f64, [f64; 2], f64, BTreeSet<usize>)>,
+}
+
+impl Window {
+    fn new(at: [f64; 2], along: [f64; 2]) -> Self {
+        Self { at, along }
+    }
+
+    /// Distance along and across (left positive) of a place.
+    fn coordinates(&self, [east, north]: [f64; 2]) -> (f64, f64) {
+        let (dx, dy) = (east - self.at[0], north - self.at[1]);
+        let [c, s] = self.along;
+        (c * dx + s * dy, -s * dx + c * dy)
+    }
+
+    fn indices(&self, tree: &VertexTree, vertices: &[Vertex]) -> Vec<usize> {
+        let reach = WINDOW_M.0.hypot(WINDOW_M.1);
+        let envelope = AABB::from_corners(
+            self.at.map(|value| value - reach),
+            self.at.map(|value| value + reach),
+        );
+        let mut found: Vec<usize> = tree
+            .locate_in_envelope_intersecting(envelope)
+            .map(|entry| entry.data)
+            .filter(|&index| {
+                let (along, across) = self.coordinates(vertices[index].at);
+                along.abs() <= WINDOW_M.0 && across.abs() <= WINDOW_M.1
+            })
+            .collect();
+        found.sort_unstable();
+        found
+    }
+
+    fn gather(&self, tree: &VertexTree, vertices: &[Vertex], free: &[bool]) -> Gathered {
+        let mut gathered = Gathered::default();
+        for index in self.indices(tree, vertices) {
+            let vertex = &vertices[index];
+            let dot = vertex.along[0] * self.along[0] + vertex.along[1] * self.along[1];
+            // Lines that cross are other lines.
+            if !free[index] || dot.abs() < 0.9 {
+                continue;
+            }
+            let (_, across) = self.coordinates(vertex.at);
+            let entry = gathered.by_vehicle.entry(vertex.vehicle).or_default();
+            entry.0 += across;
+            entry.1[0] += vertex.along[0] * dot.signum();
+            entry.1[1] += vertex.along[1] * dot.signum();
+            entry.2 += 1.0;
+            entry.3.insert(vertex.sighting);
+        }
+        gathered
+    }
+}
+
+impl Gathered {
+    /// Median over vehicles of their mean offsets, and the mean direction.
+    fn middle(&self) -> Option<(f64, [f64; 2])> {
+        let mut offsets: Vec<f64> = self.by_vehicle.values().map(|v| v.0 / v.2).collect();
+        offsets.sort_by(f64::total_cmp);
+        let (low, high) = (offsets.get((offsets.len().max(1) - 1) / 2)?, offsets.get(offsets.len() / 2)?);
+        let mut sum = [0.0; 2];
+        for (_, direction, count, _) in self.by_vehicle.values() {
+            sum[0] += direction[0] / count;
+            sum[1] += direction[1] / count;
+        }
+        Some((0.5 * (low + high), unit(sum)?))
+    }
+
+    fn seen_by(self) -> BTreeMap<i64, BTreeSet<usize>> {
+        let vehicles = self.by_vehicle.into_iter();
+        vehicles.map(|(vehicle, (_, _, _, sightings))| (vehicle, sightings)).collect()
+    }
+}
+
+/// Follows a line from a seed both ways.
+fn follow(seed: &Vertex, tree: &VertexTree, vertices: &[Vertex], free: &[bool]) -> Followed {
+    let ahead = follow_one_way(seed.at, seed.along, tree, vertices, free);
+    let backward = seed.along.map(|value| -value);
+    let mut line = follow_one_way(seed.at, backward, tree, vertices, free);
+    line.nodes.reverse();
+    line.seen_by.reverse();
+    // Both begin with the node at the seed.
+    line.nodes.extend(ahead.nodes.into_iter().skip(1));
+    line.seen_by.extend(ahead.seen_by.into_iter().skip(1));
+    line
+}
+
+fn follow_one_way(
+    mut at: [f64; 2],
+    mut along: [f64; 2],
+    tree: &VertexTree,
+    vertices: &[Vertex],
+    free: &[bool],
+) -> Followed {
+    let mut line = Followed::default();
+    let mut gap_m = 0.0;
+    while gap_m <= MAX_GAP_M {
+        let gathered = Window::new(at, along).gather(tree, vertices, free);
+        match gathered.middle() {
+            Some((across, direction)) => {
+                at = [at[0] - across * along[1], at[1] + across * along[0]];
+                // Turn half way: one step is short against the radius of any road.
+                let turned = [along[0] + direction[0], along[1] + direction[1]];
+                along = unit(turned).unwrap_or(along);
+                gap_m = 0.0;
+            }
+            None => gap_m += STEP_M,
+        }
+        line.nodes.push(at);
+        line.seen_by.push(gathered.seen_by());
+        at = [at[0] + STEP_M * along[0], at[1] + STEP_M * along[1]];
+    }
+    while line.seen_by.last().is_some_and(BTreeMap::is_empty) {
+        line.seen_by.pop();
+        line.nodes.pop();
+    }
+    line
+}
+
+fn use_up(line: &Followed, tree: &VertexTree, vertices: &[Vertex], free: &mut [bool]) {
+    for pair in line.nodes.windows(2) {
+        if let Some(along) = unit([pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]]) {
+            for index in Window::new(pair[0], along).indices(tree, vertices) {
+                free[index] = false;
+            }
+        }
+    }
+}
+
+/// Footprints by place, in degrees.
+struct LookIndex<'a> {
+    footprints: &'a [Footprint],
+    tree: RTree<GeomWithData<[f64; 2], usize>>,
+}
+
+impl<'a> LookIndex<'a> {
+    fn new(footprints: &'a [Footprint]) -> Self {
+        let places = footprints.iter().enumerate().map(|(index, footprint)| {
+            GeomWithData::new(degrees(footprint), index)
+        });
+        Self {
+            footprints,
+            tree: RTree::bulk_load(places.collect()),
+        }
+    }
+
+    /// How well each vehicle looked at a place: its best sample.
+    fn visibility(&self, place: [f64; 2], frame: &LocalFrame) -> BTreeMap<i64, Look> {
+        let [lon, lat, _] = frame.to_wgs84([place[0], place[1], 0.0]);
+        // 35 m reaches any trusted range; a degree of longitude is shortest at the poles.
+        let reach_lat = 35.0 / 111_000.0;
+        let reach_lon = reach_lat / lat.to_radians().cos().max(0.01);
+        let around = AABB::from_corners(
+            [lon - reach_lon, lat - reach_lat],
+            [lon + reach_lon, lat + reach_lat],
+        );
+        let mut looks: BTreeMap<i64, Look> = BTreeMap::new();
+        for entry in self.tree.locate_in_envelope_intersecting(around) {
+            let footprint = &self.footprints[entry.data];
+            let Some(visibility) = visibility(footprint, place, frame) else {
+                continue;
+            };
+            let look = looks.entry(footprint.vehicle).or_insert(Look {
+                visibility: 0.0,
+                frames: 0,
+                first_ns: footprint.stamp_ns,
+                last_ns: footprint.stamp_ns,
+            });
+            look.visibility = look.visibility.max(visibility);
+            look.frames += i64::from(footprint.frames);
+            look.first_ns = look.first_ns.min(footprint.stamp_ns);
+            look.last_ns = look.last_ns.max(footprint.stamp_ns);
+        }
+        looks
+    }
+}
+
+/// One vehicle's looks at a place.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    visibility: f64,
+    frames: i64,
+    first_ns: i64,
+    last_ns: i64,
+}
+
+fn degrees(footprint: &Footprint) -> [f64; 2] {
+    [
+        footprint.longitude_e9 as f64 * 1e-9,
+        footprint.latitude_e9 as f64 * 1e-9,
+    ]
+}
+
+fn visibility(footprint: &Footprint, place: [f64; 2], frame: &LocalFrame) -> Option<f64> {
+    let [lon, lat] = degrees(footprint);
+    let [east, north, _] = frame.to_enu([lon, lat, 0.0]);
+    let (sin, cos) = (f64::from(footprint.yaw_urad) * 1e-6).sin_cos();
+    let (dx, dy) = (place[0] - east, place[1] - north);
+    let (ahead_m, left_m) = (cos * dx + sin * dy, -sin * dx + cos * dy);
+    let metres = |mm: i32| f64::from(mm) * 1e-3;
+    let in_range = metres(footprint.range_from_mm) - RANGE_SLACK_M <= ahead_m
+        && ahead_m <= metres(footprint.range_to_mm) + RANGE_SLACK_M;
+    // Falls from full at the near side to nothing at the reach, as the map stage sees it.
+    let reach_m = if left_m >= 0.0 { metres(footprint.left_mm) } else { -metres(footprint.right_mm) };
+    let side = ((reach_m - left_m.abs()) / (reach_m * 0.63)).clamp(0.0, 1.0);
+    (in_range && side > 0.05).then(|| side * fixed::to_f64(footprint.v_fx))
+}
+
+/// Splits a followed line into sections, judges each against the looks, and makes a record of
+/// every run of sections that is likely there.
+fn judge_line(
+    line: &Followed,
+    component: &[&Sighting],
+    frame: &LocalFrame,
+    looks: &LookIndex<'_>,
+    tile_level: u32,
+    model_name: &str,
+) -> Vec<ChangeRecord> {
+    let nodes_per_section = (SECTION_M / STEP_M) as usize;
+    let starts: Vec<usize> = (0..line.nodes.len()).step_by(nodes_per_section).collect();
+    let judged: Vec<SectionLooks> = starts
+        .iter()
+        .map(|&start| SectionLooks::new(line, start, nodes_per_section, frame, looks))
+        .collect();
+    let logs: Vec<[f64; 2]> = judged.iter().map(|section| [0.0, WORTH * section.nats()]).collect();
+    let prior = [1.0 - PRIOR_ADDED, PRIOR_ADDED];
+    let posterior = chain::posterior(&logs, &prior, &[[1.0, 0.0], [0.0, 1.0]]);
+    let mut records = Vec::new();
+    let mut from = 0;
+    while from < judged.len() {
+        let size = posterior[from..].iter().take_while(|p| p[1] >= 0.5).count();
+        let to = from + size;
+        if size > 0 {
+            let nodes = (starts[from], (starts[to - 1] + nodes_per_section).min(line.nodes.len() - 1));
+            let p_added = posterior[from..to].iter().map(|p| p[1]).sum::<f64>() / size as f64;
+            records.extend(record(
+                line,
+                nodes,
+                p_added,
+                &judged[from..to],
+                component,
+                frame,
+                tile_level,
+                model_name,
+            ));
+        }
+        from = to.max(from + 1);
+    }
+    records
+}
+
+/// What every vehicle that looked at a section says.
+struct SectionLooks {
+    /// Vehicle, its look, whether it saw the line.
+    looks: BTreeMap<i64, (Look, bool)>,
+}
+
+impl SectionLooks {
+    fn new(
+        line: &Followed,
+        start: usize,
+        size: usize,
+        frame: &LocalFrame,
+        looks: &LookIndex<'_>,
+    ) -> Self {
+        let middle = (start + size / 2).min(line.nodes.len() - 1);
+        let reach = (HIT_REACH_M / STEP_M) as usize;
+        let near = middle.saturating_sub(reach)..(middle + reach + 1).min(line.nodes.len());
+        let saw = |vehicle: &i64| line.seen_by[near.clone()].iter().any(|s| s.contains_key(vehicle));
+        let looks = looks.visibility(line.nodes[middle], frame);
+        Self {
+            looks: looks
+                .into_iter()
+                .map(|(vehicle, look)| (vehicle, (look, saw(&vehicle))))
+                .collect(),
+        }
+    }
+
+    /// Log-likelihood ratio of "there" against "nothing there", bounded per vehicle.
+    fn nats(&self) -> f64 {
+        let sum_fx: i64 = self
+            .looks
+            .values()
+            .map(|(look, saw)| fixed::from_f64(pass_nats(look.visibility, *saw)))
+            .sum();
+        fixed::to_f64(sum_fx)
+    }
+}
+
+fn pass_nats(visibility: f64, saw: bool) -> f64 {
+    let seen_if_there = visibility * DETECTION + (1.0 - visibility) * CLUTTER;
+    let (there, nothing) = if saw {
+        (seen_if_there, CLUTTER)
+    } else {
+        (1.0 - seen_if_there, 1.0 - CLUTTER)
+    };
+    let mean = 0.5 * (there + nothing);
+    let mixed = |likelihood: f64| (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
+    libm::log(mixed(there) / mixed(nothing))
+}
+
+#[allow(clippy::too_many_arguments, reason = "a record is made of all of them, once")]
+fn record(
+    line: &Followed,
+    (from, to): (usize, usize),
+    p_added: f64,
+    sections: &[SectionLooks],
+    component: &[&Sighting],
+    frame: &LocalFrame,
+    tile_level: u32,
+    model_name: &str,
+) -> Option<ChangeRecord> {
+    let nodes = &line.nodes[from..=to];
+    let length_m: f64 = nodes
+        .windows(2)
+        .map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]))
+        .sum();
+    let sightings: BTreeSet<usize> = line.seen_by[from..=to]
+        .iter()
+        .flat_map(|seen| seen.values().flatten().copied())
+        .collect();
+    // Canonical order is by time: the first is the earliest, whose name the candidate takes.
+    let earliest = component[*sightings.first()?];
+    if length_m < MIN_LENGTH_M {
+        return None;
+    }
+    let vertices: Vec<[f64; 3]> = nodes
+        .iter()
+        .map(|&[east, north]| {
+            let [lon, lat, _] = frame.to_wgs84([east, north, 0.0]);
+            round_degrees([lon, lat, 0.0])
+        })
+        .collect();
+    let vehicles: BTreeSet<i64> = sections.iter().flat_map(|s| s.looks.keys().copied()).collect();
+    let looks = || sections.iter().flat_map(|s| s.looks.values().map(|(look, _)| look));
+    let best = sightings
+        .iter()
+        .map(|&index| component[index])
+        .max_by_key(|s| (s.sum_v_fx, std::cmp::Reverse((s.first_ns, s.vehicle, s.track))))?;
+    Some(ChangeRecord {
+        tile: tile_of(vertices[0][0], vertices[0][1], tile_level).ok()?.0,
+        change: candidate_id(earliest, from, line),
+        element: None,
+        content: 0,
+        kind: ElementKind::LaneMarking.code(),
+        from_m: 0.0,
+        to_m: (length_m * 1e3).round() / 1e3,
+        verdict: Verdict::Added.code(),
+        p_no_change: 1.0 - p_added,
+        p_added,
+        p_removed: 0.0,
+        p_modified: 0.0,
+        log_odds: libm::log(p_added.max(1e-300)) - libm::log((1.0 - p_added).max(1e-300)),
+        vehicles: vehicles.len() as i32,
+        passes: vehicles.len() as i32,
+        exposed: looks().map(|look| look.frames).sum(),
+        hit: sightings.iter().map(|&s| i64::from(component[s].frames)).sum(),
+        first_ns: looks().map(|look| look.first_ns).min().unwrap_or(0),
+        last_ns: looks().map(|look| look.last_ns).max().unwrap_or(0),
+        shift_m: None,
+        shift_sigma_m: None,
+        class_observed: None,
+        geometry_old: None,
+        geometry_new: Some(wkb::line(&vertices)),
+        best_vehicle: best.vehicle,
+        best_ns: best.best_ns,
+        fusion_model: model_name.to_owned(),
+    })
+}
+
+/// The id of a candidate: of its earliest sighting, and of which stretch of the line it is.
+fn candidate_id(earliest: &Sighting, from: usize, line: &Followed) -> i64 {
+    let is_part = usize::from(from > 0 || line.nodes.is_empty()) * from;
+    tilefold_schemas::id::hash_text(&format!(
+        "{}:{}:{}:{}:{is_part}",
+        earliest.vehicle, earliest.channel, earliest.first_ns, earliest.track
+    ))
+}

@@ -1,0 +1,120 @@
+//! Passes: one vehicle's uninterrupted traverses of an element section, formed from ledger rows.
+//!
+//! Frames within a pass are correlated, passes are not: a pass is the unit that counts.
+
+use tilefold_schemas::evidence::CLASS_BINS;
+use tilefold_schemas::{EvidenceRow, fixed};
+
+/// A gap longer than this starts a new pass.
+const GAP_NS: i64 = 30_000_000_000;
+
+/// What one pass says about one section: sums of ledger rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pass {
+    /// Keyed hash of the vehicle.
+    pub vehicle: i64,
+    /// Frames in which the section was exposed.
+    pub exposed: i64,
+    /// Exposed frames with a match.
+    pub hit: i64,
+    /// Sum of visibility, fixed point.
+    pub sum_v_fx: i64,
+    /// The paper's sums for no change, added, deleted, modified, and of the weights.
+    pub paper_fx: [i64; 5],
+    /// Information-weighted sum of residuals (1/m), their information (1/m^2), fixed point.
+    pub residual_eta_fx: i64,
+    /// Information of the residuals, fixed point.
+    pub residual_lambda_fx: i64,
+    /// Observed classes.
+    pub seen: [i32; CLASS_BINS],
+    /// First exposure.
+    pub first_ns: i64,
+    /// Last exposure.
+    pub last_ns: i64,
+    /// Clearest frame.
+    pub best_ns: i64,
+    best_v_fx: i64,
+}
+
+impl Pass {
+    fn new(row: &EvidenceRow) -> Self {
+        Self {
+            vehicle: row.vehicle,
+            exposed: i64::from(row.exposed),
+            hit: i64::from(row.hit),
+            sum_v_fx: row.sum_v_fx,
+            paper_fx: [
+                row.sum_w_no_fx,
+                row.sum_w_add_fx,
+                row.sum_w_del_fx,
+                row.sum_w_mod_fx,
+                row.sum_w_fx,
+            ],
+            residual_eta_fx: row.residual_eta_fx,
+            residual_lambda_fx: row.residual_lambda_fx,
+            seen: row.seen,
+            first_ns: row.first_ns,
+            last_ns: row.last_ns,
+            best_ns: row.best_ns,
+            best_v_fx: row.best_v_fx,
+        }
+    }
+
+    /// Adds what a neighbouring row or section says of the same pass.
+    pub fn merge(&mut self, other: &Self) {
+        self.exposed += other.exposed;
+        self.hit += other.hit;
+        self.sum_v_fx = self.sum_v_fx.saturating_add(other.sum_v_fx);
+        for (sum, value) in self.paper_fx.iter_mut().zip(other.paper_fx) {
+            *sum = sum.saturating_add(value);
+        }
+        self.residual_eta_fx = self.residual_eta_fx.saturating_add(other.residual_eta_fx);
+        self.residual_lambda_fx = self
+            .residual_lambda_fx
+            .saturating_add(other.residual_lambda_fx);
+        for (sum, value) in self.seen.iter_mut().zip(other.seen) {
+            *sum = sum.saturating_add(value);
+        }
+        self.first_ns = self.first_ns.min(other.first_ns);
+        self.last_ns = self.last_ns.max(other.last_ns);
+        // Clearest frame; the earlier of equals, so that order does not matter.
+        if (other.best_v_fx, -other.best_ns) > (self.best_v_fx, -self.best_ns) {
+            self.best_v_fx = other.best_v_fx;
+            self.best_ns = other.best_ns;
+        }
+    }
+
+    /// Mean visibility in `[0, 1]`.
+    #[must_use]
+    pub fn visibility(&self) -> f64 {
+        fixed::to_f64(self.sum_v_fx) / self.exposed.max(1) as f64
+    }
+
+    /// Mean lateral residual in metres, positive to the left of the element; none without a hit.
+    #[must_use]
+    pub fn residual_m(&self) -> Option<f64> {
+        (self.residual_lambda_fx > 0)
+            .then(|| self.residual_eta_fx as f64 / self.residual_lambda_fx as f64)
+    }
+}
+
+/// The passes of rows that all speak of one section, by vehicle and time.
+#[must_use]
+pub fn passes(rows: &[&EvidenceRow]) -> Vec<Pass> {
+    let mut ordered: Vec<&&EvidenceRow> = rows.iter().filter(|row| row.exposed > 0).collect();
+    ordered.sort_by_key(|row| (row.vehicle, row.first_ns, row.channel, row.window));
+    let mut passes: Vec<Pass> = Vec::new();
+    for row in ordered {
+        let next = Pass::new(row);
+        match passes.last_mut() {
+            Some(last)
+                if last.vehicle == next.vehicle
+                    && next.first_ns.saturating_sub(last.last_ns) <= GAP_NS =>
+            {
+                last.merge(&next);
+            }
+            _ => passes.push(next),
+        }
+    }
+    passes
+}
