@@ -190,3 +190,45 @@ fn detection(points: &[[f64; 2]], marking: Marking, color: Color, score: f64) ->
             .collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::CitySpec;
+
+    #[test]
+    fn lines_are_seen_where_they_are_and_less_to_the_side() {
+        let street = Street::draw(&CitySpec::default());
+        let road = &street.roads[0];
+        let offset_m = road.lane_offset_m(0);
+        let mut detector = Detector::new(&street, Random::new(1, "detector", 0));
+        let mut seen = BTreeMap::new();
+        for step in 0..4_000 {
+            let station_m = road.from_m + 0.1 * f64::from(step);
+            let middle = street.curve.at(station_m);
+            let [east_m, north_m] = middle.left(offset_m);
+            let place = Place {
+                east_m,
+                north_m,
+                ..middle
+            };
+            for detection in detector.look(&place, station_m) {
+                // Where the street was straight, its lines lie where the lanes say.
+                let nearest = detection.points[0];
+                let line = road
+                    .lines
+                    .iter()
+                    .position(|line| (line.offset_m - offset_m - nearest[1]).abs() < 0.6);
+                *seen.entry(line).or_insert(0) += 1;
+            }
+        }
+        let share = |line: usize| f64::from(seen[&Some(line)]) / 4_000.0;
+        assert!((0.85..0.97).contains(&share(0)), "{seen:?}");
+        assert!((0.85..0.97).contains(&share(1)), "{seen:?}");
+        assert!((0.5..0.85).contains(&share(2)), "{seen:?}");
+        assert!(
+            seen.get(&None).is_none_or(|&clutter| clutter < 100),
+            "{seen:?}"
+        );
+    }
+}

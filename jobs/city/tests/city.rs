@@ -1,5 +1,7 @@
 //! A city's files: the same bytes for the same seed, and a truth that is the difference of the maps.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;

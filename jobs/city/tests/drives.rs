@@ -1,11 +1,13 @@
 //! A city's drives, read back: who drove, what was measured, and how well it fits the road.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
 use std::collections::BTreeSet;
 use std::path::Path;
 
 use tilefold_city::{CitySpec, write};
 use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader, TopicKind};
-use tilefold_schemas::log::{LogMessage, Payload};
+use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
 
 fn read(path: &Path) -> (LogIndex, Vec<LogMessage>) {
     let index = LogIndex::open(path).unwrap();
@@ -46,7 +48,10 @@ fn logs_name_their_vehicle_and_lie_days_apart() {
             .iter()
             .find(|record| record.name == "vehicle");
         vehicles.insert(vehicle.unwrap().entries["vehicle_id"].clone());
-        for kind in [TopicKind::Gnss] {
+        for kind in [
+            TopicKind::Gnss,
+            TopicKind::Detections(DetectionSpace::Metres),
+        ] {
             assert_eq!(index.topics_of(kind).count(), 1);
         }
         let stamps = messages.iter().map(|message| message.stamp_ns);
