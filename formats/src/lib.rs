@@ -1,6 +1,7 @@
 //! Bytes to nouns and back: logs, maps, exports.
 
+pub mod geojson;
 pub mod log;
-pub mod map;
 pub mod log_write;
+pub mod map;
 pub mod map_write;

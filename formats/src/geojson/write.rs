@@ -1,0 +1,219 @@
+//! Change records to GeoJSON: one feature a line, keys in one order, so that the same records give
+//! the same bytes and a diff shows what changed.
+
+use std::fmt::Write as _;
+use std::io::Write;
+
+use serde_json::{Map, Value};
+use tilefold_schemas::{ChangeRecord, ElementKind, Verdict, wkb};
+
+use super::GeoJsonError;
+
+/// Writes `records` in their order as a `FeatureCollection`.
+///
+/// A feature's geometry is where the thing is on the road (`added`, `modified`) or was in the map (all
+/// others), whichever is known; longitude and latitude have nine decimals (0.1 mm), rings run
+/// counter-clockwise. Times are UTC to the millisecond. A number that is not finite becomes null.
+///
+/// # Errors
+/// If a record has an unknown code or a geometry that is none, or `out` does not take the bytes.
+pub fn write_changes(records: &[ChangeRecord], out: &mut impl Write) -> Result<(), GeoJsonError> {
+    out.write_all(b"{\"type\":\"FeatureCollection\",\"features\":[")?;
+    for (index, record) in records.iter().enumerate() {
+        let feature = feature(record)?;
+        let separator = if index == 0 { "\n" } else { ",\n" };
+        out.write_all(separator.as_bytes())?;
+        out.write_all(feature.as_bytes())?;
+    }
+    out.write_all(b"\n]}\n")?;
+    Ok(())
+}
+
+fn feature(record: &ChangeRecord) -> Result<String, GeoJsonError> {
+    let unknown = |field, code| GeoJsonError::Code {
+        change: record.change,
+        field,
+        code,
+    };
+    let verdict =
+        Verdict::from_code(record.verdict).ok_or_else(|| unknown("verdict", record.verdict))?;
+    let kind = ElementKind::from_code(record.kind).ok_or_else(|| unknown("kind", record.kind))?;
+    let geometry = geometry(record, verdict)?;
+    let properties = Value::Object(properties(record, verdict, kind));
+    Ok(format!(
+        "{{\"type\":\"Feature\",\"id\":\"{:016x}\",\"properties\":{properties},\"geometry\":{geometry}}}",
+        record.change
+    ))
+}
+
+fn properties(record: &ChangeRecord, verdict: Verdict, kind: ElementKind) -> Map<String, Value> {
+    let change = format!("{:016x}", record.change);
+    let rows: [(&str, Value); 19] = [
+        ("element_id", record.element.into()),
+        ("change_type", verdict.name().into()),
+        ("kind", kind.name().into()),
+        ("from_m", record.from_m.into()),
+        ("to_m", record.to_m.into()),
+        ("p_no_change", record.p_no_change.into()),
+        ("p_added", record.p_added.into()),
+        ("p_removed", record.p_removed.into()),
+        ("p_modified", record.p_modified.into()),
+        ("vehicles", record.vehicles.into()),
+        ("passes", record.passes.into()),
+        ("exposed", record.exposed.into()),
+        ("first_seen", utc(record.first_ns).into()),
+        ("last_seen", utc(record.last_ns).into()),
+        ("shift_m", record.shift_m.into()),
+        ("shift_sigma_m", record.shift_sigma_m.into()),
+        ("tile", record.tile.into()),
+        ("change", change.into()),
+        ("fusion_model", record.fusion_model.as_str().into()),
+    ];
+    rows.into_iter()
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect()
+}
+
+fn geometry(record: &ChangeRecord, verdict: Verdict) -> Result<String, GeoJsonError> {
+    let [old, new] = [
+        record.geometry_old.as_deref(),
+        record.geometry_new.as_deref(),
+    ];
+    let is_on_the_road = matches!(verdict, Verdict::Added | Verdict::Modified);
+    let bytes = if is_on_the_road {
+        new.or(old)
+    } else {
+        old.or(new)
+    };
+    let Some(bytes) = bytes else {
+        return Ok("null".to_owned());
+    };
+    let geometry = wkb::read(bytes).map_err(|source| GeoJsonError::Geometry {
+        change: record.change,
+        source,
+    })?;
+    let mut text = String::new();
+    if geometry.is_area {
+        text.push_str("{\"type\":\"Polygon\",\"coordinates\":[");
+        push_positions(&mut text, &closed_ring(geometry.points));
+        text.push_str("]}");
+    } else {
+        text.push_str("{\"type\":\"LineString\",\"coordinates\":");
+        push_positions(&mut text, &geometry.points);
+        text.push('}');
+    }
+    Ok(text)
+}
+
+/// Counter-clockwise from above (RFC 7946, section 3.1.6), with the first vertex repeated. The first
+/// vertex stays first.
+fn closed_ring(mut ring: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+    if doubled_area(&ring) < 0.0
+        && let Some((_, rest)) = ring.split_first_mut()
+    {
+        rest.reverse();
+    }
+    ring.extend(ring.first().copied());
+    ring
+}
+
+/// Twice the signed area in square degrees, positive if counter-clockwise; relative to the first
+/// vertex, so that a small ring far from the origin keeps its sign.
+fn doubled_area(ring: &[[f64; 3]]) -> f64 {
+    let Some(first) = ring.first() else {
+        return 0.0;
+    };
+    let around = ring
+        .iter()
+        .map(|point| [point[0] - first[0], point[1] - first[1]]);
+    let next = around.clone().skip(1);
+    around
+        .zip(next)
+        .map(|(a, b)| a[0] * b[1] - a[1] * b[0])
+        .sum()
+}
+
+fn push_positions(text: &mut String, points: &[[f64; 3]]) {
+    text.push('[');
+    for (index, [longitude_deg, latitude_deg, _]) in points.iter().enumerate() {
+        let separator = if index == 0 { "" } else { "," };
+        let [lon, lat] = [longitude_deg, latitude_deg].map(|degrees| rounded(*degrees));
+        // Writing into a `String` cannot fail.
+        let _ = write!(text, "{separator}[{lon:.9},{lat:.9}]");
+    }
+    text.push(']');
+}
+
+/// Never a negative zero.
+fn rounded(degrees: f64) -> f64 {
+    if degrees.abs() < 5e-10 { 0.0 } else { degrees }
+}
+
+/// Nanoseconds since the Unix epoch as `2026-11-22T10:15:00.123Z`.
+fn utc(stamp_ns: i64) -> String {
+    let milliseconds = stamp_ns.div_euclid(1_000_000);
+    let (day, in_day) = (
+        milliseconds.div_euclid(86_400_000),
+        milliseconds.rem_euclid(86_400_000),
+    );
+    let (year, month, day) = civil(day);
+    let (hours, minutes) = (in_day / 3_600_000, in_day / 60_000 % 60);
+    let (seconds, millis) = (in_day / 1_000 % 60, in_day % 1_000);
+    format!("{year:04}-{month:02}-{day:02}T{hours:02}:{minutes:02}:{seconds:02}.{millis:03}Z")
+}
+
+/// Year, month and day of a day counted from 1970-01-01 in the Gregorian calendar (Howard Hinnant,
+/// "chrono-compatible low-level date algorithms", `civil_from_days`). Years begin in March here.
+fn civil(day: i64) -> (i64, i64, i64) {
+    let from_march_0 = day + 719_468;
+    let era = from_march_0.div_euclid(146_097);
+    let of_era = from_march_0.rem_euclid(146_097);
+    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * of_year + 2) / 153;
+    let day_of_month = of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 {
+        month_from_march + 3
+    } else {
+        month_from_march - 9
+    };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    (year, month, day_of_month)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_utc() {
+        // `date -u --date=@N +%FT%T.%3NZ`
+        for (stamp_ns, text) in [
+            (0, "1970-01-01T00:00:00.000Z"),
+            (1_709_208_000_123_999_999, "2024-02-29T12:00:00.123Z"),
+            (951_868_799_000_000_000, "2000-02-29T23:59:59.000Z"),
+            (-1, "1969-12-31T23:59:59.999Z"),
+            (i64::MAX, "2262-04-11T23:47:16.854Z"),
+            (i64::MIN, "1677-09-21T00:12:43.145Z"),
+        ] {
+            assert_eq!(utc(stamp_ns), text);
+        }
+    }
+
+    #[test]
+    fn rings_turn_left_and_keep_their_first_vertex() {
+        let clockwise = vec![[8.0, 49.0, 0.0], [8.0, 49.1, 0.0], [8.1, 49.1, 0.0]];
+        let ring = closed_ring(clockwise);
+        assert_eq!(
+            ring,
+            [
+                [8.0, 49.0, 0.0],
+                [8.1, 49.1, 0.0],
+                [8.0, 49.1, 0.0],
+                [8.0, 49.0, 0.0]
+            ]
+        );
+        assert_eq!(closed_ring(ring[..3].to_vec()), ring);
+        assert!(closed_ring(Vec::new()).is_empty());
+    }
+}
