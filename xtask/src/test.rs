@@ -8,17 +8,21 @@ use crate::command::{Failure, Step};
 
 /// Runs the tests with cargo-nextest where it is installed, and else with `cargo test`.
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
-    let fix = "The failing test is named above; run it alone with `cargo xtask test NAME`";
-    if Step::cargo(root, "nextest --version").output().is_some() {
-        Step::cargo(root, "nextest run --workspace")
-            .args(arguments)
-            .run(fix)?;
-    } else {
-        Step::cargo(root, "test --workspace --lib --bins --tests")
-            .args(arguments)
-            .run(fix)?;
-    }
-    Step::cargo(root, "test --workspace --doc")
-        .args(arguments)
-        .run("The failing example is named above")
+    let all = ["--workspace"]
+        .into_iter()
+        .filter(|_| !names_package(arguments));
+    let test = |words| Step::cargo(root, words).args(all.clone()).args(arguments);
+    let tests = match Step::cargo(root, "nextest --version").output() {
+        Some(_) => test("nextest run"),
+        None => test("test --lib --bins --tests"),
+    };
+    tests.run("The failing test is named above; run it alone with `cargo xtask test NAME`")?;
+    test("test --doc").run("The failing example is named above")
+}
+
+/// `--workspace` would overrule a package that is asked for.
+fn names_package(arguments: &[String]) -> bool {
+    arguments
+        .iter()
+        .any(|argument| argument.starts_with("-p") || argument.starts_with("--package"))
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use serde_json::Value;
 use tilefold_city::{CityFiles, CitySpec, write};
+use tilefold_schemas::element::{Color, Element, ElementKind, Marking};
 use tilefold_schemas::id::first_i64;
 use tilefold_tiler::geodesy::LocalFrame;
 
@@ -167,5 +168,32 @@ fn what_cannot_be_built_is_refused_by_name() {
             ..small()
         })
         .starts_with("road_length_m")
+    );
+}
+
+#[test]
+fn maps_and_truth_are_what_our_own_readers_want() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = CitySpec {
+        drives: 0,
+        ..CitySpec::default()
+    };
+    let files = write(&spec, folder.path()).unwrap();
+    for path in [&files.before_map, &files.after_map] {
+        let map = tilefold_formats::map::read(path).unwrap();
+        assert!(map.set_aside.is_empty(), "{:?}", map.set_aside);
+        assert_eq!(map.elements.len(), ways(path).len());
+        let is_plain = |element: &Element| {
+            let known = matches!(element.marking, Marking::Solid | Marking::Dashed);
+            element.kind == ElementKind::LaneMarking && known && element.color != Color::Unknown
+        };
+        assert!(map.elements.iter().all(is_plain));
+    }
+    let truth = tilefold_formats::geojson::read_changes_file(&files.truth).unwrap();
+    assert_eq!(truth.len(), 18);
+    assert!(
+        truth
+            .iter()
+            .all(|change| change.change_type.is_change() && change.points.len() > 10)
     );
 }
