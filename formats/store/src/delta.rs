@@ -168,12 +168,16 @@ impl<'a> TableLog<'a> {
             .with_columns(schema.fields().cloned())
             .with_configuration(configuration(layout))
             .with_save_mode(SaveMode::Ignore)
-            .with_commit_properties(CommitProperties::default().with_metadata(metadata));
+            .with_commit_properties(
+                CommitProperties::default()
+                    .with_metadata(metadata)
+                    .with_max_retries(0),
+            );
         self.place.wait(async {
-            create
-                .await
-                .map_err(|error| self.refused("create", error))?;
-            Ok(())
+            match create.await {
+                Err(error) if !lost_the_race(&error) => Err(self.refused("create", error)),
+                _ => Ok(()),
+            }
         })
     }
 

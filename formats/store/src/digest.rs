@@ -10,10 +10,23 @@ use arrow_array::{Array, ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field};
 
 use crate::error::StoreError;
-use crate::layout::Layout;
+use crate::layout::{Layout, StoredTable};
+use crate::order;
 
 /// Rows that are turned into bytes at once.
 const BLOCK_ROWS: usize = 1024;
+
+/// Digest of rows in any order, as [`Snapshot::digest`](crate::Snapshot::digest) gives it for a
+/// table that holds just these.
+///
+/// # Errors
+/// The rows cannot be sorted or encoded, which is a defect.
+pub fn digest_rows<R: StoredTable>(rows: Vec<R>) -> Result<String, StoreError> {
+    let layout = Layout::of::<R>();
+    let mut digest = TableDigest::new(&layout);
+    digest.update(&order::sorted(&layout, &[R::to_batch(rows)])?)?;
+    Ok(digest.finish())
+}
 
 /// Collects the rows of one table.
 pub(crate) struct TableDigest {

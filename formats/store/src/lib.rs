@@ -18,6 +18,7 @@ mod data_file;
 mod delta;
 mod digest;
 mod error;
+mod folder;
 mod geo;
 mod layout;
 mod location;
@@ -29,6 +30,7 @@ mod transaction;
 mod version;
 
 pub use data_file::DataFile;
+pub use digest::digest_rows;
 pub use error::StoreError;
 pub use layout::StoredTable;
 pub use location::Location;

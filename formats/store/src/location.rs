@@ -3,20 +3,29 @@
 use std::fmt;
 use std::future::Future;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bytes::Bytes;
 use deltalake::logstore::object_store::{
-    self, Error as ObjectError, ObjectStoreExt, PutMode, path::Path as ObjectPath,
+    self, Error as ObjectError, ObjectStore, ObjectStoreExt, PutMode, local::LocalFileSystem,
+    path::Path as ObjectPath, prefix::PrefixStore,
 };
-use deltalake::logstore::{LogStoreRef, ObjectStoreRef, StorageConfig, logstore_with};
-use deltalake::logstore::{object_store::ObjectStore, object_store_factories};
+use deltalake::logstore::{
+    LogStoreRef, ObjectStoreRef, StorageConfig, default_logstore, logstore_with,
+    object_store_factories,
+};
+use deltalake::{DeltaResult, DeltaTableError};
 use tokio::runtime::{Builder, Handle, Runtime};
 use url::Url;
 
 use crate::error::StoreError;
+use crate::folder::Folder;
 
 /// Threads of the private runtime. They only wait for storage.
 const WAITING_THREADS: usize = 2;
+
+/// Scheme of the URLs of tables in storage that has the store at its root.
+const WHOLE: &str = "tilefold";
 
 /// A folder on this machine, or a URL of an object store.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -72,31 +81,98 @@ impl fmt::Display for Location {
 }
 
 impl Location {
-    fn url(&self) -> Result<Url, StoreError> {
-        let refuse = |reason: String| StoreError::Location {
-            location: self.to_string(),
-            reason,
-        };
+    /// A `file:` URL is a folder like any other.
+    fn folder(&self) -> Option<PathBuf> {
         match self {
-            Self::Folder(path) => {
-                let path = std::path::absolute(path).map_err(|error| refuse(error.to_string()))?;
-                Url::from_directory_path(path)
-                    .map_err(|()| refuse("it is no path that a URL can express".to_owned()))
-            }
-            Self::Url(text) => {
-                let slash = if text.ends_with('/') { "" } else { "/" };
-                Url::parse(&format!("{text}{slash}")).map_err(|error| refuse(error.to_string()))
-            }
+            Self::Folder(path) => Some(path.clone()),
+            Self::Url(text) => Url::parse(text).ok()?.to_file_path().ok(),
         }
+    }
+
+    fn refuse(&self, reason: impl fmt::Display) -> StoreError {
+        StoreError::Location {
+            location: self.to_string(),
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// Storage, and the store's place in it.
+pub(crate) struct Root {
+    storage: ObjectStoreRef,
+    url: Url,
+}
+
+impl Root {
+    /// Storage that has the store at its root. Logs then hold no path of this machine, a store can
+    /// be moved, and no character of a folder's name means anything to a URL. (Delta Lake's own
+    /// `file:` URLs fail on a folder whose name has a `%` in it.)
+    pub(crate) fn whole(storage: ObjectStoreRef, location: &Location) -> Result<Self, StoreError> {
+        let url = Url::parse(&format!("{WHOLE}:///")).map_err(|error| location.refuse(error))?;
+        Ok(Self { storage, url })
+    }
+
+    /// The log of the table called `name`.
+    fn table(&self, name: &str) -> DeltaResult<LogStoreRef> {
+        let url = self.url.join(&format!("{name}/"));
+        let url = url.map_err(|error| DeltaTableError::generic(error.to_string()))?;
+        let options = StorageConfig::default();
+        if url.scheme() == WHOLE {
+            let table = Arc::new(PrefixStore::new(self.storage.clone(), name));
+            return Ok(default_logstore(
+                table,
+                self.storage.clone(),
+                &url,
+                &options,
+            ));
+        }
+        logstore_with(self.storage.clone(), &url, options)
+    }
+
+    /// The storage, seen from the store's folder.
+    fn seen_from_store(&self) -> DeltaResult<ObjectStoreRef> {
+        if self.url.scheme() == WHOLE {
+            return Ok(self.storage.clone());
+        }
+        let options = StorageConfig::default();
+        Ok(logstore_with(self.storage.clone(), &self.url, options)?.object_store(None))
+    }
+
+    fn folder(folder: &Path, location: &Location) -> Result<Self, StoreError> {
+        if !folder.is_dir() {
+            return Err(StoreError::NotAStore {
+                location: location.to_string(),
+                reason: "there is no such folder".to_owned(),
+            });
+        }
+        let storage =
+            LocalFileSystem::new_with_prefix(folder).map_err(|error| location.refuse(error))?;
+        Self::whole(Arc::new(Folder::new(storage)), location)
+    }
+
+    fn url(text: &str, location: &Location) -> Result<Self, StoreError> {
+        let slash = if text.ends_with('/') { "" } else { "/" };
+        let url = Url::parse(&format!("{text}{slash}")).map_err(|e| location.refuse(e))?;
+        let scheme = Url::parse(&format!("{}://", url.scheme())).map_err(|e| location.refuse(e))?;
+        let factories = object_store_factories();
+        let factory = factories.get(&scheme).ok_or_else(|| {
+            location.refuse(format!(
+                "storage of the kind `{}` is not built in",
+                url.scheme()
+            ))
+        })?;
+        let (storage, _) = factory
+            .parse_url_opts(&url, &StorageConfig::default())
+            .map_err(|error| location.refuse(error))?;
+        Ok(Self { storage, url })
     }
 }
 
 /// An opened location.
 pub(crate) struct Place {
     location: Location,
-    url: Url,
-    /// Storage from its root on: all reads and writes of a store go through it.
-    storage: ObjectStoreRef,
+    /// All reads and writes of a store go through it.
+    root: Root,
     /// The same storage, seen from the store's folder.
     folder: ObjectStoreRef,
     runtime: Runtime,
@@ -104,7 +180,7 @@ pub(crate) struct Place {
 
 impl fmt::Debug for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Place({})", self.url)
+        write!(f, "Place({})", self.location)
     }
 }
 
@@ -115,25 +191,31 @@ impl fmt::Display for Place {
 }
 
 impl Place {
+    /// The place of a store that should be there.
     pub(crate) fn open(location: Location) -> Result<Self, StoreError> {
-        let url = location.url()?;
-        let storage = storage_for(&location, &url)?;
-        Self::with_storage(location, storage)
+        let root = match (location.folder(), &location) {
+            (Some(folder), _) => Root::folder(&folder, &location)?,
+            (None, Location::Url(url)) => Root::url(url, &location)?,
+            (None, Location::Folder(_)) => return Err(location.refuse("it is no folder")),
+        };
+        Self::at(root, location)
     }
 
-    /// A location on the given storage, which may be one that fails on purpose.
-    pub(crate) fn with_storage(
-        location: Location,
-        storage: ObjectStoreRef,
-    ) -> Result<Self, StoreError> {
-        let url = location.url()?;
-        let refuse = |error: deltalake::DeltaTableError| refuse(&location, error);
-        let folder = logstore_with(storage.clone(), &url, StorageConfig::default())
-            .map_err(refuse)?
-            .object_store(None);
+    /// The place of a store that is to be made.
+    pub(crate) fn prepare(location: Location) -> Result<Self, StoreError> {
+        if let Some(folder) = location.folder() {
+            std::fs::create_dir_all(folder).map_err(|error| location.refuse(error))?;
+        }
+        Self::open(location)
+    }
+
+    /// A place on the given storage, which may be one that fails on purpose.
+    pub(crate) fn at(root: Root, location: Location) -> Result<Self, StoreError> {
+        let folder = root
+            .seen_from_store()
+            .map_err(|error| location.refuse(error))?;
         Ok(Self {
-            url,
-            storage,
+            root,
             folder,
             runtime: runtime()?,
             location,
@@ -142,12 +224,9 @@ impl Place {
 
     /// The log of one table.
     pub(crate) fn table(&self, name: &str) -> Result<LogStoreRef, StoreError> {
-        let url = self
-            .url
-            .join(&format!("{name}/"))
-            .map_err(|error| refuse(&self.location, error))?;
-        logstore_with(self.storage.clone(), &url, StorageConfig::default())
-            .map_err(|error| refuse(&self.location, error))
+        self.root
+            .table(name)
+            .map_err(|error| self.location.refuse(error))
     }
 
     /// Waits for `future` on the private runtime.
@@ -225,29 +304,6 @@ impl Place {
             source,
         }
     }
-}
-
-fn refuse(location: &Location, error: impl fmt::Display) -> StoreError {
-    StoreError::Location {
-        location: location.to_string(),
-        reason: error.to_string(),
-    }
-}
-
-fn storage_for(location: &Location, url: &Url) -> Result<ObjectStoreRef, StoreError> {
-    let scheme =
-        Url::parse(&format!("{}://", url.scheme())).map_err(|error| refuse(location, error))?;
-    let factories = object_store_factories();
-    let factory = factories.get(&scheme).ok_or_else(|| {
-        refuse(
-            location,
-            format!("storage of the kind `{}` is not built in", url.scheme()),
-        )
-    })?;
-    let (storage, _) = factory
-        .parse_url_opts(url, &StorageConfig::default())
-        .map_err(|error| refuse(location, error))?;
-    Ok(storage)
 }
 
 fn runtime() -> Result<Runtime, StoreError> {

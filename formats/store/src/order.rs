@@ -18,7 +18,17 @@ pub(crate) fn sorted(layout: &Layout, batches: &[RecordBatch]) -> Result<RecordB
         many => concat_batches(&layout.schema, many).map_err(refuse)?,
     };
     let rows = normal_form(layout, &rows)?;
+    refuse_too_many(layout, &rows)?;
     sort(layout, &rows).map_err(refuse)
+}
+
+/// Rows are counted in 32 bits here: more of them belong into several calls.
+pub(crate) fn refuse_too_many(layout: &Layout, rows: &RecordBatch) -> Result<(), StoreError> {
+    if u32::try_from(rows.num_rows()).is_ok() {
+        return Ok(());
+    }
+    let reason = format!("there are {} of them at once", rows.num_rows());
+    Err(StoreError::encode("order", layout.name, reason))
 }
 
 /// The batch with the columns of the layout, in its order.

@@ -35,7 +35,7 @@ impl Store {
         location: impl Into<Location>,
         properties: StoreProperties,
     ) -> Result<Self, StoreError> {
-        Self::create_at(Place::open(location.into())?, &properties)
+        Self::create_at(Place::prepare(location.into())?, &properties)
     }
 
     pub(crate) fn create_at(

@@ -414,6 +414,7 @@ fn split(layout: &Layout, rows: &RecordBatch) -> Result<BTreeMap<TileId, Part>, 
     if !layout.tiled {
         return Err(not_tiled());
     }
+    order::refuse_too_many(layout, rows)?;
     let tiles = data_file::tiles(rows).ok_or_else(not_tiled)?.values();
     let mut indices: BTreeMap<TileId, Vec<u32>> = BTreeMap::new();
     for (&tile, row) in tiles.iter().zip(0u32..) {

@@ -1,0 +1,12 @@
+//! Tests of the store as its callers see it, and of what is done to it.
+
+mod chaos;
+mod damage;
+mod faulty;
+mod figures;
+mod files;
+mod oracle;
+mod round_trip;
+mod rows;
+mod time_travel;
+mod writers;
