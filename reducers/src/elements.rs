@@ -42,8 +42,7 @@ pub fn judge(
     rows: &[&EvidenceRow],
     model: FusionModel,
 ) -> Vec<ChangeRecord> {
-    let line = Polyline::of_element(&mapped.element.points);
-    let length_m = line.as_ref().map_or(0.0, |(_, line)| line.length_m());
+    let length_m = mapped.length_m;
     let linear = matches!(
         mapped.element.kind,
         ElementKind::LaneMarking | ElementKind::StopLine

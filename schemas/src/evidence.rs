@@ -6,8 +6,8 @@ use crate::table;
 /// Version of the map stage's method. Rows of different versions are never added up.
 pub const METHOD_VERSION: i32 = 1;
 
-/// Bins of [`EvidenceRow::seen`]: marking codes 0 to 7 of [`crate::Marking`] for lines, and the
-/// sign class modulo nothing for signs (codes 0 to 12).
+/// Bins of [`EvidenceRow::seen`]: codes of [`crate::Marking`] for lines, of [`crate::SignClass`]
+/// for ground signs.
 pub const CLASS_BINS: usize = 13;
 
 table! {
@@ -98,8 +98,7 @@ table! {
         pub frames: i32,
         /// Sum of the visibility over these frames.
         pub sum_v_fx: i64,
-        /// Vertices as little-endian `i32` pairs: longitude and latitude in 1e-8 degrees... kept
-        /// as WKB (`LineString`, CRS84) so that any reader of the store can draw it.
+        /// Vertices about every 2 m (WKB `LineString` with z 0, CRS84, rounded to 1e-9 degrees).
         pub geometry: Vec<u8>,
         /// Lateral information per vertex, 1/m^2, averaged over vertices.
         pub lambda_fx: i64,
@@ -171,6 +170,10 @@ table! {
         pub topic: String,
         /// Log it was first read from. Not part of any digest.
         pub log: String,
+        /// Messages that the map stage was given, context included.
+        pub messages: i32,
+        /// Tiles in which the chunk has rows, ascending, separated by commas.
+        pub tiles: String,
         /// Frames in the window.
         pub frames: i32,
         /// Frames that were set aside.

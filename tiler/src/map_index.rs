@@ -4,6 +4,7 @@ use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use tilefold_schemas::{ContentHash, Element, TileId};
 
+use crate::station::Polyline;
 use crate::tile::{TileError, tile_of};
 
 /// An element with what was derived from it once.
@@ -15,6 +16,9 @@ pub struct MappedElement {
     pub tile: TileId,
     /// Hash of what it is.
     pub content: ContentHash,
+    /// Length of its line in metres, from which every chunk and tile counts its sections; 0 for
+    /// what is no line.
+    pub length_m: f64,
 }
 
 impl MappedElement {
@@ -28,6 +32,7 @@ impl MappedElement {
         Ok(Self {
             tile: tile_of(longitude_deg, latitude_deg, level)?,
             content: element.content_hash(),
+            length_m: Polyline::of_element(&element.points).map_or(0.0, |(_, line)| line.length_m()),
             element,
         })
     }

@@ -92,7 +92,7 @@ impl<'a> Ledger<'a> {
     fn row(&mut self, mapped: &CutLine) -> Row<'_> {
         let local = &self.map.lines[mapped.line];
         let station_m = mapped.cuts[mapped.cuts.len() / 2].station_m;
-        let section = section_of(station_m, local.line.length_m(), SECTION_M);
+        let section = section_of(station_m, local.mapped.length_m, SECTION_M);
         let chunk = self.chunk;
         let row = self
             .rows

@@ -1,2 +1,38 @@
-//! The command line.
-fn main() {}
+//! The command line: flags in, reports out. It owns no algorithm.
+
+mod args;
+mod command;
+mod demo;
+mod progress;
+mod report;
+mod table;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::Args;
+use crate::report::Outcome;
+
+/// Done, but something was set aside.
+const EXIT_SET_ASIDE: u8 = 3;
+/// Verify differs.
+const EXIT_DIFFERS: u8 = 4;
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global();
+    if let Err(error) = pool {
+        eprintln!("error: cannot start {} threads: {error}", args.threads);
+        return ExitCode::FAILURE;
+    }
+    match command::dispatch(&args) {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::SetAside) => ExitCode::from(EXIT_SET_ASIDE),
+        Ok(Outcome::Differs) => ExitCode::from(EXIT_DIFFERS),
+        Err(error) => {
+            report::print_error(&args, error.as_ref());
+            ExitCode::FAILURE
+        }
+    }
+}

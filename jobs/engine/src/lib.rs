@@ -1,1 +1,24 @@
-//! A job from plan to commit.
+//! A job from plan to commit: what the command line and the wheel both call.
+//!
+//! [`init()`] makes a store from a base map, [`run()`] brings new logs in, [`evaluate()`] scores
+//! the result. The engine owns memory, threads and progress; what is true is said by the map
+//! stage and the reduce stage, and kept by the store.
+
+mod base_map;
+pub mod error;
+pub mod evaluate;
+pub mod init;
+pub mod logs;
+pub mod map_job;
+pub mod meter;
+pub mod progress;
+pub mod reduce_job;
+pub mod run;
+
+pub use error::EngineError;
+pub use evaluate::{Criteria, Evaluation, evaluate};
+pub use init::{InitOptions, InitReport, init};
+pub use meter::{Meter, Stage, StageReport};
+pub use progress::{Progress, Silent};
+pub use run::{Plan, RunReport, plan, records, run};
+pub use tilefold_reducers::FusionModel;

@@ -1,0 +1,204 @@
+//! What can be said on the command line. Help, man pages and completions come from here.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use tilefold_engine::FusionModel;
+
+/// Finds where an HD map no longer matches the road, from the camera and GNSS logs of ordinary
+/// vehicles.
+///
+/// Exit codes: 0 done; 1 failed, nothing has changed, safe to run again; 2 usage; 3 done, but
+/// something was set aside (listed by name, file, offset and reason).
+#[derive(Debug, Parser)]
+#[command(name = "tilefold", version, max_term_width = 100)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Form of the result on standard output.
+    #[arg(long, global = true, value_enum, default_value_t)]
+    pub format: Format,
+    /// Progress on standard error. Bars need a terminal; `json` prints a line an event.
+    #[arg(long, global = true, value_enum, default_value_t)]
+    pub progress: ProgressForm,
+    /// Threads; 0 takes all cores.
+    #[arg(long, global = true, default_value_t = 0, env = "TILEFOLD_THREADS")]
+    pub threads: usize,
+}
+
+/// Form of the result on standard output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Format {
+    /// Tables for people.
+    #[default]
+    Text,
+    /// One JSON value.
+    Json,
+    /// RFC 7946 (`export` only).
+    Geojson,
+}
+
+/// Form of progress.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum ProgressForm {
+    /// Bars on a terminal, nothing elsewhere.
+    #[default]
+    Auto,
+    /// One JSON object a line.
+    Json,
+    /// Nothing.
+    Off,
+}
+
+/// Name of a fusion model on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum ModelName {
+    /// The equations of Zhang et al. (2025) as printed.
+    Paper,
+    /// Likelihood ratios of a detection model.
+    #[default]
+    Calibrated,
+}
+
+impl From<ModelName> for FusionModel {
+    fn from(name: ModelName) -> Self {
+        match name {
+            ModelName::Paper => Self::Paper,
+            ModelName::Calibrated => Self::Calibrated,
+        }
+    }
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Makes a small city with known changes, drives through it, runs the job and scores it.
+    Demo {
+        /// Folder for the city and its store; made anew.
+        #[arg(long, default_value = "out/demo")]
+        out: PathBuf,
+        /// Seed of the city.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+    /// Creates a store from a base map.
+    Init {
+        /// Folder of the new store.
+        store: PathBuf,
+        /// Map files (Lanelet2 .osm).
+        #[arg(long, required = true, num_args = 1..)]
+        map: Vec<PathBuf>,
+        /// Level of the NDS tiles.
+        #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u8).range(0..=15))]
+        tile_level: u8,
+        /// Secret of the keyed hash that stands for vehicle ids: 64 hexadecimal digits. Without
+        /// it, it is derived from the map, so that equal inputs give equal stores.
+        #[arg(long, env = "TILEFOLD_VEHICLE_SALT", hide_env_values = true, value_parser = salt)]
+        vehicle_salt: Option<Salt>,
+    },
+    /// Maps new logs, folds what they touch, commits a version. Again = update: what the store
+    /// knows already adds nothing.
+    Run {
+        /// The store.
+        store: PathBuf,
+        /// MCAP files, or folders of them.
+        #[arg(required = true)]
+        logs: Vec<PathBuf>,
+        /// How evidence becomes a posterior.
+        #[arg(long, value_enum, default_value_t)]
+        model: ModelName,
+        /// Shows what would be done, and does nothing.
+        #[arg(long)]
+        plan: bool,
+    },
+    /// Lists the versions of a store.
+    Log {
+        /// The store.
+        store: PathBuf,
+    },
+    /// Summarises a version: verdicts by tile and the changes.
+    Show {
+        /// The store.
+        store: PathBuf,
+        /// Version; the latest if not given.
+        #[arg(long)]
+        version: Option<i64>,
+    },
+    /// Recomputes the digests of a version and compares them with what was committed.
+    Verify {
+        /// The store.
+        store: PathBuf,
+        /// Version; the latest if not given.
+        #[arg(long)]
+        version: Option<i64>,
+    },
+    /// Writes the changes of a version, to standard output if no file is named. `--format geojson`.
+    Export {
+        /// The store.
+        store: PathBuf,
+        /// Version; the latest if not given.
+        #[arg(long)]
+        version: Option<i64>,
+        /// File to write.
+        #[arg(long, short)]
+        out: Option<PathBuf>,
+        /// Least posterior of what is written.
+        #[arg(long, default_value_t = 0.5)]
+        threshold: f64,
+        /// Also what did not change and what is unknown.
+        #[arg(long)]
+        all: bool,
+    },
+    /// Scores a version against known changes.
+    Evaluate {
+        /// The store.
+        store: PathBuf,
+        /// GeoJSON of the true changes. Without it nothing has changed (a control).
+        #[arg(long)]
+        truth: Option<PathBuf>,
+        /// Version; the latest if not given.
+        #[arg(long)]
+        version: Option<i64>,
+        /// Fusion model; the evidence is folded anew where the version was made with the other.
+        #[arg(long, value_enum, default_value_t)]
+        model: ModelName,
+        /// Least posterior of a claim (T_s).
+        #[arg(long, default_value_t = 0.85)]
+        threshold: f64,
+        /// Least number of vehicles of a claim (V).
+        #[arg(long, default_value_t = 5)]
+        min_vehicles: i32,
+    },
+    /// Prints completions for a shell.
+    #[command(hide = true)]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// A secret of 32 bytes; not printed.
+#[derive(Clone, Copy)]
+pub struct Salt(pub [u8; 32]);
+
+impl std::fmt::Debug for Salt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Salt(..)")
+    }
+}
+
+fn salt(text: &str) -> Result<Salt, String> {
+    let digits: Vec<u32> = text.chars().filter_map(|digit| digit.to_digit(16)).collect();
+    if digits.len() != 64 || text.len() != 64 {
+        return Err(format!(
+            "it has {} characters; give 64 hexadecimal digits, e.g. from `openssl rand -hex 32`",
+            text.len()
+        ));
+    }
+    let mut bytes = [0; 32];
+    for (byte, pair) in bytes.iter_mut().zip(digits.chunks(2)) {
+        *byte = (pair[0] * 16 + pair[1]) as u8;
+    }
+    Ok(Salt(bytes))
+}

@@ -1,0 +1,303 @@
+//! One function a command: it calls the engine and prints what came of it.
+
+use std::error::Error;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use clap::CommandFactory;
+use serde::Serialize;
+use tilefold_engine::{
+    Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, records, run,
+};
+use tilefold_formats::geojson::{read_changes_file, write_changes};
+use tilefold_schemas::{ChangeRecord, LayerHeader, Verdict};
+use tilefold_store::{Snapshot, Store, TileFilter, digest_rows};
+
+use crate::args::{Args, Command, Format};
+use crate::report::{Outcome, print, print_set_aside};
+use crate::{demo, progress, table};
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// Does what the arguments say.
+///
+/// # Errors
+/// It failed; nothing has changed.
+pub fn dispatch(args: &Args) -> Result<Outcome> {
+    if args.format == Format::Geojson && !matches!(args.command, Command::Export { .. }) {
+        return Err("--format geojson is for `export`; this command prints text or json".into());
+    }
+    match &args.command {
+        Command::Demo { out, seed } => demo::demo(args, out, *seed),
+        Command::Init {
+            store,
+            map,
+            tile_level,
+            vehicle_salt,
+        } => {
+            let options = InitOptions {
+                tile_level: *tile_level,
+                salt: vehicle_salt.map(|salt| salt.0),
+            };
+            init_store(args, store, map, &options)
+        }
+        Command::Run { store: _, logs, plan: true, .. } => plan_logs(args, logs),
+        Command::Run { store, logs, model, .. } => run_logs(args, store, logs, (*model).into()),
+        Command::Log { store } => log(args, store),
+        Command::Show { store, version } => show(args, store, *version),
+        Command::Verify { store, version } => verify(args, store, *version),
+        Command::Export {
+            store,
+            version,
+            out,
+            threshold,
+            all,
+        } => export(store, *version, out.as_deref(), *threshold, *all),
+        Command::Evaluate {
+            store,
+            truth,
+            version,
+            model,
+            threshold,
+            min_vehicles,
+        } => {
+            let criteria = Criteria {
+                threshold: *threshold,
+                min_vehicles: *min_vehicles,
+            };
+            score(args, store, truth.as_deref(), *version, (*model).into(), criteria)
+        }
+        Command::Completions { shell } => {
+            let mut command = Args::command();
+            clap_complete::generate(*shell, &mut command, "tilefold", &mut std::io::stdout());
+            Ok(Outcome::Done)
+        }
+    }
+}
+
+fn open(store: &Path, version: Option<i64>) -> Result<Snapshot> {
+    Ok(Store::open(store.to_path_buf())?.snapshot(version)?)
+}
+
+/// `init`.
+///
+/// # Errors
+/// As [`tilefold_engine::init()`].
+pub fn init_store(args: &Args, store: &Path, maps: &[PathBuf], options: &InitOptions) -> Result<Outcome> {
+    let report = init(store, maps, options)?;
+    print(args, &report, |report| {
+        format!(
+            "created {} at version {}: {} elements in {} tiles",
+            report.store, report.version, report.elements, report.tiles
+        )
+    })?;
+    print_set_aside(&report.set_aside);
+    Ok(Outcome::with(&report.set_aside))
+}
+
+fn plan_logs(args: &Args, logs: &[PathBuf]) -> Result<Outcome> {
+    let progress = progress::listener(args.progress);
+    let plan = plan(logs, &Meter::default(), progress.as_ref());
+    print(args, &plan, |plan| {
+        format!(
+            "would read {} logs of {} vehicles: {} messages, {:.1} MB, in {} units of work",
+            plan.logs,
+            plan.vehicles,
+            plan.messages,
+            plan.bytes as f64 * 1e-6,
+            plan.units
+        )
+    })?;
+    print_set_aside(&plan.set_aside);
+    Ok(Outcome::with(&plan.set_aside))
+}
+
+/// `run`.
+///
+/// # Errors
+/// As [`tilefold_engine::run()`].
+pub fn run_logs(args: &Args, store: &Path, logs: &[PathBuf], model: FusionModel) -> Result<Outcome> {
+    let progress = progress::listener(args.progress);
+    let report = run(store, logs, model, progress.as_ref())?;
+    print(args, &report, table::run)?;
+    print_set_aside(&report.set_aside);
+    Ok(Outcome::with(&report.set_aside))
+}
+
+#[derive(Serialize)]
+struct LogLine {
+    version: i64,
+    timestamp_ms: i64,
+    operation: String,
+    parameters: tilefold_store::Parameters,
+}
+
+fn log(args: &Args, store: &Path) -> Result<Outcome> {
+    let versions = Store::open(store.to_path_buf())?.versions()?;
+    let lines: Vec<LogLine> = versions
+        .into_iter()
+        .map(|info| LogLine {
+            version: info.version,
+            timestamp_ms: info.timestamp_ms,
+            operation: info.operation,
+            parameters: info.parameters,
+        })
+        .collect();
+    print(args, &lines, |lines| {
+        table::rows(
+            &["version", "written (UTC)", "operation", "parameters"],
+            lines.iter().map(|line| {
+                vec![
+                    line.version.to_string(),
+                    utc(line.timestamp_ms),
+                    line.operation.clone(),
+                    serde_json::to_string(&line.parameters).unwrap_or_default(),
+                ]
+            }),
+        )
+    })?;
+    Ok(Outcome::Done)
+}
+
+fn utc(timestamp_ms: i64) -> String {
+    chrono::DateTime::from_timestamp_millis(timestamp_ms)
+        .map_or_else(String::new, |time| time.format("%Y-%m-%d %H:%M:%S").to_string())
+}
+
+#[derive(Serialize)]
+struct TileLine {
+    tile: i32,
+    no_change: i32,
+    added: i32,
+    removed: i32,
+    modified: i32,
+    unknown: i32,
+    digest: String,
+}
+
+#[derive(Serialize)]
+struct Summary {
+    version: i64,
+    operation: String,
+    fusion_model: Option<String>,
+    tiles: Vec<TileLine>,
+}
+
+fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
+    let snapshot = open(store, version)?;
+    let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
+    let summary = Summary {
+        version: snapshot.version(),
+        operation: snapshot.info().operation.clone(),
+        fusion_model: headers.first().map(|header| header.fusion_model.clone()),
+        tiles: headers
+            .into_iter()
+            .map(|header| TileLine {
+                tile: header.tile,
+                no_change: header.no_change,
+                added: header.added,
+                removed: header.removed,
+                modified: header.modified,
+                unknown: header.unknown,
+                digest: header.digest,
+            })
+            .collect(),
+    };
+    print(args, &summary, |summary| {
+        let tiles = table::rows(
+            &["tile", "no change", "added", "removed", "modified", "unknown", "digest"],
+            summary.tiles.iter().map(|tile| {
+                let counts = [tile.tile, tile.no_change, tile.added, tile.removed, tile.modified, tile.unknown];
+                let mut row: Vec<String> = counts.iter().map(i32::to_string).collect();
+                row.push(tile.digest.chars().take(12).collect());
+                row
+            }),
+        );
+        format!("version {} ({})\n\n{tiles}", summary.version, summary.operation)
+    })?;
+    Ok(Outcome::Done)
+}
+
+#[derive(Serialize)]
+struct Verification {
+    version: i64,
+    digest: String,
+    ok: bool,
+}
+
+fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
+    let snapshot = open(store, version)?;
+    let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
+    let changes: Vec<ChangeRecord> = snapshot.read(TileFilter::All)?;
+    let mut by_tile: std::collections::BTreeMap<i32, Vec<ChangeRecord>> = std::collections::BTreeMap::new();
+    for change in changes {
+        by_tile.entry(change.tile).or_default().push(change);
+    }
+    let mut ok = true;
+    for header in &headers {
+        let digest = digest_rows(by_tile.remove(&header.tile).unwrap_or_default())?;
+        if digest != header.digest {
+            ok = false;
+            eprintln!("tile {} differs: its header says {}, its records are {digest}", header.tile, header.digest);
+        }
+    }
+    if let Some(tile) = by_tile.keys().next() {
+        ok = false;
+        eprintln!("tile {tile} has change records but no layer header");
+    }
+    let verification = Verification {
+        version: snapshot.version(),
+        digest: snapshot.digest::<LayerHeader>()?,
+        ok,
+    };
+    print(args, &verification, |v| {
+        format!("version {}: {} {}", v.version, if v.ok { "ok" } else { "DIFFERS" }, v.digest)
+    })?;
+    Ok(if ok { Outcome::Done } else { Outcome::Differs })
+}
+
+fn export(
+    store: &Path,
+    version: Option<i64>,
+    out: Option<&Path>,
+    threshold: f64,
+    all: bool,
+) -> Result<Outcome> {
+    let mut records: Vec<ChangeRecord> = open(store, version)?.read(TileFilter::All)?;
+    let posterior = |record: &ChangeRecord| record.p_added.max(record.p_removed).max(record.p_modified);
+    records.retain(|record| {
+        let is_change = Verdict::from_code(record.verdict).is_some_and(Verdict::is_change);
+        all || (is_change && posterior(record) >= threshold)
+    });
+    match out {
+        Some(path) => {
+            let file = File::create(path).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+            let mut writer = BufWriter::new(file);
+            write_changes(&records, &mut writer)?;
+            writer.flush()?;
+            eprintln!("wrote {} features to {}", records.len(), path.display());
+        }
+        None => write_changes(&records, &mut std::io::stdout().lock())?,
+    }
+    Ok(Outcome::Done)
+}
+
+/// `evaluate`.
+///
+/// # Errors
+/// The store or the truth cannot be read.
+pub fn score(
+    args: &Args,
+    store: &Path,
+    truth: Option<&Path>,
+    version: Option<i64>,
+    model: FusionModel,
+    criteria: Criteria,
+) -> Result<Outcome> {
+    let snapshot = open(store, version)?;
+    let truth = truth.map(read_changes_file).transpose()?.unwrap_or_default();
+    let evaluation = evaluate(&records(&snapshot, model)?, &truth, model, criteria);
+    print(args, &evaluation, table::evaluation)?;
+    Ok(Outcome::Done)
+}

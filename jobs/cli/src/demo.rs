@@ -1,0 +1,33 @@
+//! `demo`: a small city made in code, through the same path as real logs.
+
+use std::error::Error;
+use std::path::Path;
+
+use tilefold_city::CitySpec;
+use tilefold_engine::{Criteria, FusionModel, InitOptions};
+
+use crate::args::Args;
+use crate::command::{init_store, run_logs, score};
+use crate::report::Outcome;
+
+/// Makes the city, runs the job on it and scores both folds.
+///
+/// # Errors
+/// The folder cannot be written, or a step failed.
+pub fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dyn Error>> {
+    let spec = CitySpec { seed, ..CitySpec::default() };
+    let store = out.join("store");
+    if store.exists() {
+        std::fs::remove_dir_all(&store)?;
+    }
+    eprintln!("making a city (seed {seed}) in {}", out.display());
+    let city = tilefold_city::write(&spec, out)?;
+    let options = InitOptions { tile_level: 15, salt: None };
+    init_store(args, &store, &[city.before_map], &options)?;
+    let outcome = run_logs(args, &store, &city.logs, FusionModel::Calibrated)?;
+    for model in [FusionModel::Paper, FusionModel::Calibrated] {
+        score(args, &store, Some(&city.truth), None, model, Criteria::default())?;
+    }
+    eprintln!("the store is {}; try `tilefold show` and `tilefold export --format geojson` on it", store.display());
+    Ok(outcome)
+}

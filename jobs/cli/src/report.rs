@@ -1,0 +1,87 @@
+//! How results, losses and errors are printed: JSON on standard output, or words.
+
+use std::error::Error;
+use std::io::Write;
+
+use serde::Serialize;
+use tilefold_schemas::SetAside;
+use tilefold_schemas::limits::MAX_SET_ASIDE_LISTED;
+
+use crate::args::{Args, Format};
+
+/// How a command ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Done.
+    Done,
+    /// Done, but something was set aside.
+    SetAside,
+    /// A comparison found a difference.
+    Differs,
+}
+
+impl Outcome {
+    /// Done; with losses if there are any.
+    #[must_use]
+    pub fn with(set_aside: &[SetAside]) -> Self {
+        if set_aside.is_empty() { Self::Done } else { Self::SetAside }
+    }
+}
+
+/// Prints `value` as JSON, or what `words` makes of it.
+///
+/// # Errors
+/// Standard output is closed.
+pub fn print<T: Serialize>(
+    args: &Args,
+    value: &T,
+    words: impl FnOnce(&T) -> String,
+) -> Result<(), Box<dyn Error>> {
+    let text = match args.format {
+        Format::Json => serde_json::to_string_pretty(value)?,
+        Format::Text | Format::Geojson => words(value),
+    };
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{}", text.trim_end())?;
+    Ok(())
+}
+
+/// Lists what was set aside, on standard error.
+pub fn print_set_aside(set_aside: &[SetAside]) {
+    if set_aside.is_empty() {
+        return;
+    }
+    let count: u64 = set_aside.iter().map(|loss| loss.count).sum();
+    eprintln!("set aside: {count} (the rest was used)");
+    for loss in set_aside.iter().take(MAX_SET_ASIDE_LISTED) {
+        // Names from files may hold anything; control characters do not reach the terminal.
+        let line: String = loss
+            .to_string()
+            .chars()
+            .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+            .collect();
+        eprintln!("  {line}");
+    }
+    if let Some(more) = set_aside.len().checked_sub(MAX_SET_ASIDE_LISTED + 1) {
+        eprintln!("  and {} more", more + 1);
+    }
+}
+
+/// Prints an error with its causes.
+pub fn print_error(args: &Args, error: &dyn Error) {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        // A cause that is quoted in its effect is not said twice.
+        if !text.contains(&more) {
+            text.push_str(": ");
+            text.push_str(&more);
+        }
+        cause = error.source();
+    }
+    if args.format == Format::Json {
+        println!("{}", serde_json::json!({ "error": text }));
+    }
+    eprintln!("error: {text}");
+}

@@ -1,0 +1,52 @@
+//! Why a job failed. A failed job has changed nothing: it is safe to run again.
+
+use tilefold_formats::map::MapError;
+use tilefold_store::StoreError;
+use tilefold_tiler::tile::TileError;
+
+/// Why a job failed.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// The base map could not be read.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// The store refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A truth file could not be read.
+    #[error(transparent)]
+    GeoJson(#[from] tilefold_formats::geojson::GeoJsonError),
+    /// A row of the store is not what it should be.
+    #[error(
+        "the store holds a {what} that cannot be read: {reason}; run `tilefold verify` and restore the file it names"
+    )]
+    Damaged {
+        /// What kind of row.
+        what: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A map element is on no tile.
+    #[error("element {element} is on no tile: {source}")]
+    Tile {
+        /// Element id.
+        element: i64,
+        /// Why.
+        source: TileError,
+    },
+    /// Two maps given together have different elements under one id.
+    #[error(
+        "element {element} is in {first} and, different, in {second}; give maps that belong together"
+    )]
+    Clash {
+        /// Element id.
+        element: i64,
+        /// File that was read first.
+        first: String,
+        /// File that differs.
+        second: String,
+    },
+    /// Nothing to do the job on.
+    #[error("{0}")]
+    Nothing(String),
+}

@@ -1,0 +1,281 @@
+//! From log files to units of work: which vehicle, which times, which topics.
+//!
+//! Logs are containers. They are grouped by vehicle, and a vehicle's time is cut into blocks of
+//! absolute windows; a unit is one block of one vehicle, read from whichever logs cover it and its
+//! context. Blocks bound the memory of a unit, whatever the length of a drive.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
+use tilefold_schemas::log::{DetectionSpace, LogMessage};
+use tilefold_schemas::{SetAside, SetAsideKind};
+use tilefold_tiler::chunk::{WINDOW_NS, window_bounds_ns, window_of};
+use tilefold_tiler::recording::Recording;
+
+use crate::meter::{Meter, Stage};
+use crate::progress::Progress;
+
+/// Windows in a block.
+const BLOCK_WINDOWS: i64 = 6;
+/// A header stamp farther than this from the log time belongs to another clock.
+const MAX_CLOCK_GAP_NS: i64 = 5_000_000_000;
+
+/// Indexed logs, and what could not be.
+#[derive(Debug, Default)]
+pub struct Catalogue {
+    /// Readable logs, by path.
+    pub logs: Vec<LogIndex>,
+    /// Files and stretches that were set aside.
+    pub set_aside: Vec<SetAside>,
+}
+
+impl Catalogue {
+    /// Indexes files in parallel. A folder stands for the `.mcap` files in it.
+    #[must_use]
+    pub fn open(files: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Self {
+        let files = expand(files);
+        progress.begin(Stage::Index, files.len() as u64);
+        let opened: Vec<_> = files
+            .par_iter()
+            .map(|file| {
+                let result = meter.time(Stage::Index, || LogIndex::open(file));
+                let bytes = result.as_ref().map_or(0, |index| index.bytes_read);
+                meter.count(Stage::Index, 1, bytes);
+                progress.advance(Stage::Index, 1, u64::from(result.is_err()));
+                (file, result)
+            })
+            .collect();
+        progress.end(Stage::Index);
+        let mut catalogue = Self::default();
+        for (file, result) in opened {
+            match result {
+                Ok(index) => catalogue.add(index),
+                Err(error) => catalogue.set_aside.push(SetAside::new(
+                    SetAsideKind::File,
+                    file.display().to_string(),
+                    error.to_string(),
+                )),
+            }
+        }
+        catalogue
+    }
+
+    fn add(&mut self, index: LogIndex) {
+        self.set_aside.extend(index.set_aside.iter().cloned());
+        let has_detections = index
+            .topics
+            .iter()
+            .any(|topic| matches!(topic.kind, TopicKind::Detections(_)) && topic.messages > 0);
+        if has_detections {
+            self.logs.push(index);
+        } else {
+            self.set_aside.push(SetAside::new(
+                SetAsideKind::Drive,
+                index.path.display().to_string(),
+                "it has no detections (foxglove.SceneUpdate or foxglove.ImageAnnotations)",
+            ));
+        }
+    }
+
+    /// The units of work, by vehicle and time.
+    #[must_use]
+    pub fn units(&self) -> Vec<Unit> {
+        let mut vehicles: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        for (index, log) in self.logs.iter().enumerate() {
+            vehicles.entry(vehicle_of(log)).or_default().push(index);
+        }
+        let mut units = Vec::new();
+        for (vehicle, logs) in vehicles {
+            let blocks: BTreeSet<i64> = logs
+                .iter()
+                .flat_map(|&log| {
+                    let block = |stamp_ns| window_of(stamp_ns).div_euclid(BLOCK_WINDOWS);
+                    let log = &self.logs[log];
+                    block(log.start_ns)..=block(log.end_ns)
+                })
+                .collect();
+            for block in blocks {
+                let unit = Unit::new(&vehicle, block, &logs, &self.logs);
+                units.push(unit);
+            }
+        }
+        units
+    }
+}
+
+fn expand(files: &[PathBuf]) -> Vec<PathBuf> {
+    let mut expanded = BTreeSet::new();
+    for file in files {
+        let entries = std::fs::read_dir(file).into_iter().flatten().flatten();
+        let inside = entries
+            .map(|entry| entry.path())
+            .filter(|path| path.extension().is_some_and(|extension| extension == "mcap"));
+        if file.is_dir() {
+            expanded.extend(inside);
+        } else {
+            expanded.insert(file.clone());
+        }
+    }
+    expanded.into_iter().collect()
+}
+
+/// The vehicle that a log names. One that names none is a vehicle of its own, known by the time
+/// of its first message: a renamed copy is the same vehicle.
+fn vehicle_of(log: &LogIndex) -> String {
+    log.vehicle
+        .clone()
+        .unwrap_or_else(|| format!("unnamed:{}", log.start_ns))
+}
+
+/// One block of one vehicle's time.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Unit {
+    /// Vehicle, as the logs name it.
+    pub vehicle: String,
+    /// First window and the one after the last.
+    pub windows: (i64, i64),
+    /// Logs that cover the block or its context: indices into the catalogue.
+    pub logs: Vec<usize>,
+}
+
+/// What a unit's logs hold of it.
+#[derive(Debug, Default)]
+pub struct UnitRecording {
+    /// Per detection topic: everything that is needed to map it.
+    pub channels: BTreeMap<String, Recording>,
+    /// What was lost.
+    pub set_aside: Vec<SetAside>,
+}
+
+impl Unit {
+    fn new(vehicle: &str, block: i64, logs: &[usize], all: &[LogIndex]) -> Self {
+        let windows = (block * BLOCK_WINDOWS, (block + 1) * BLOCK_WINDOWS);
+        let mut unit = Self {
+            vehicle: vehicle.to_owned(),
+            windows,
+            logs: Vec::new(),
+        };
+        let (from_ns, to_ns) = unit.read_range_ns();
+        unit.logs = logs
+            .iter()
+            .copied()
+            .filter(|&log| all[log].start_ns < to_ns && all[log].end_ns >= from_ns)
+            .collect();
+        unit
+    }
+
+    /// Log times to read: the block, its context, and the slack between clocks.
+    fn read_range_ns(&self) -> (i64, i64) {
+        let slack_ns = WINDOW_NS + MAX_CLOCK_GAP_NS;
+        (
+            window_bounds_ns(self.windows.0).0.saturating_sub(slack_ns),
+            window_bounds_ns(self.windows.1).0.saturating_add(slack_ns),
+        )
+    }
+
+    /// Reads the unit, one recording per detection topic, each settled.
+    #[must_use]
+    pub fn read(&self, catalogue: &Catalogue, meter: &Meter) -> UnitRecording {
+        let mut unit = UnitRecording::default();
+        let mut shared: Vec<LogMessage> = Vec::new();
+        for &log in &self.logs {
+            self.read_log(&catalogue.logs[log], &mut unit, &mut shared, meter);
+        }
+        for recording in unit.channels.values_mut() {
+            shared.iter().for_each(|message| recording.push(message.clone()));
+            recording.settle();
+        }
+        unit
+    }
+
+    fn read_log(
+        &self,
+        log: &LogIndex,
+        unit: &mut UnitRecording,
+        shared: &mut Vec<LogMessage>,
+        meter: &Meter,
+    ) {
+        let wanted = wanted_topics(log);
+        let (from_ns, to_ns) = self.read_range_ns();
+        let mut other_clock = (0_u64, None);
+        let mut sink = |message: LogMessage| {
+            let gap_ns = message.stamp_ns.saturating_sub(message.log_time_ns);
+            if gap_ns.unsigned_abs() > MAX_CLOCK_GAP_NS.unsigned_abs() {
+                let window = window_of(message.log_time_ns);
+                if (self.windows.0..self.windows.1).contains(&window) {
+                    other_clock.0 += 1;
+                    other_clock.1.get_or_insert(message.stamp_ns);
+                }
+                return;
+            }
+            let topic = &log.topics[message.topic];
+            if matches!(topic.kind, TopicKind::Detections(_)) {
+                unit.channels.entry(topic.name.clone()).or_default().push(message);
+            } else {
+                shared.push(message);
+            }
+        };
+        let result = meter.time(Stage::Read, || {
+            let mut reader = LogReader::new();
+            // What was latched before the block still holds in it.
+            let is_latched = |index: usize, topic: &Topic| {
+                wanted.contains(&index)
+                    && (topic.kind == TopicKind::Calibration || topic.name.ends_with("tf_static"))
+            };
+            let before = reader.read(log, is_latched, i64::MIN..from_ns, &mut sink)?;
+            let is_wanted = |index: usize, _: &Topic| wanted.contains(&index);
+            let mut report = reader.read(log, is_wanted, from_ns..to_ns, &mut sink)?;
+            report.bytes_read += before.bytes_read;
+            report.messages += before.messages;
+            report.set_aside.extend(before.set_aside);
+            Ok::<_, tilefold_formats::log::LogError>(report)
+        });
+        let path = log.path.display().to_string();
+        match result {
+            Ok(report) => {
+                meter.count(Stage::Read, report.messages, report.bytes_read);
+                unit.set_aside.extend(report.set_aside);
+            }
+            Err(error) => unit.set_aside.push(SetAside::new(
+                SetAsideKind::File,
+                path.clone(),
+                error.to_string(),
+            )),
+        }
+        if let (count, Some(stamp_ns)) = other_clock {
+            let reason = format!(
+                "header stamp and log time are more than {} s apart: two clocks",
+                MAX_CLOCK_GAP_NS / 1_000_000_000
+            );
+            unit.set_aside.push(
+                SetAside::new(SetAsideKind::Message, path, reason)
+                    .when(stamp_ns)
+                    .times(count),
+            );
+        }
+    }
+}
+
+/// Of every kind that is needed, the topic with the most messages; of detections, all.
+fn wanted_topics(log: &LogIndex) -> BTreeSet<usize> {
+    let most = |kind: TopicKind| {
+        log.topics_of(kind)
+            .filter(|(_, topic)| topic.messages > 0)
+            .max_by_key(|(index, topic)| (topic.messages, std::cmp::Reverse(*index)))
+            .map(|(index, _)| index)
+    };
+    let orientation = most(TopicKind::Imu).or_else(|| most(TopicKind::Pose));
+    let single = [most(TopicKind::Gnss), orientation, most(TopicKind::Odometry)];
+    let every = [
+        TopicKind::Calibration,
+        TopicKind::Transforms,
+        TopicKind::Detections(DetectionSpace::Metres),
+        TopicKind::Detections(DetectionSpace::Pixels),
+    ];
+    let all = every
+        .into_iter()
+        .flat_map(|kind| log.topics_of(kind).map(|(index, _)| index));
+    single.into_iter().flatten().chain(all).collect()
+}

@@ -1,0 +1,187 @@
+//! The map stage of a job: units on rayon, each read once and cut into chunks.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rayon::prelude::*;
+use tilefold_schemas::evidence::METHOD_VERSION;
+use tilefold_schemas::{ChunkId, ChunkRow, SetAside, SetAsideKind, VehicleKey};
+use tilefold_tiler::chunk::{self, Chunk};
+use tilefold_tiler::recording::{Recording, between};
+use tilefold_workers::{Evidence, MapContext, map_chunk};
+
+use crate::logs::{Catalogue, Unit};
+use crate::meter::{Meter, Stage};
+use crate::progress::Progress;
+
+/// A chunk that was mapped.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mapped {
+    /// Its row in the store.
+    pub row: ChunkRow,
+    /// What it testifies.
+    pub evidence: Evidence,
+}
+
+/// What the map stage of a job made.
+#[derive(Debug, Default)]
+pub struct MapOutput {
+    /// New or better known chunks, by vehicle, channel and window.
+    pub mapped: Vec<Mapped>,
+    /// Chunks that the store knew already.
+    pub known: u64,
+    /// Messages that came more than once.
+    pub duplicates: u64,
+    /// What was set aside.
+    pub set_aside: Vec<SetAside>,
+}
+
+/// Chunks of the store: digest and number of messages.
+pub type KnownChunks = BTreeMap<ChunkId, (i64, i32)>;
+
+/// Maps all units whose chunks the store does not know yet.
+#[must_use]
+pub fn map_units(
+    catalogue: &Catalogue,
+    units: &[Unit],
+    known: &KnownChunks,
+    salt: &[u8; 32],
+    context: &MapContext,
+    meter: &Meter,
+    progress: &dyn Progress,
+) -> MapOutput {
+    progress.begin(Stage::Map, units.len() as u64);
+    let outputs: Vec<MapOutput> = units
+        .par_iter()
+        .map(|unit| {
+            let output = map_unit(catalogue, unit, known, salt, context, meter);
+            let losses = output.set_aside.iter().map(|loss| loss.count).sum();
+            progress.advance(Stage::Map, 1, losses);
+            output
+        })
+        .collect();
+    progress.end(Stage::Map);
+    let mut all = MapOutput::default();
+    for output in outputs {
+        all.mapped.extend(output.mapped);
+        all.known += output.known;
+        all.duplicates += output.duplicates;
+        all.set_aside.extend(output.set_aside);
+    }
+    all.mapped
+        .sort_by_key(|mapped| (mapped.row.vehicle, mapped.row.channel, mapped.row.window));
+    all
+}
+
+fn map_unit(
+    catalogue: &Catalogue,
+    unit: &Unit,
+    known: &KnownChunks,
+    salt: &[u8; 32],
+    context: &MapContext,
+    meter: &Meter,
+) -> MapOutput {
+    let read = unit.read(catalogue, meter);
+    let mut output = MapOutput {
+        set_aside: read.set_aside,
+        ..MapOutput::default()
+    };
+    let vehicle = VehicleKey::new(salt, &unit.vehicle);
+    let log = unit
+        .logs
+        .first()
+        .map(|&log| catalogue.logs[log].path.display().to_string())
+        .unwrap_or_default();
+    for (topic, recording) in &read.channels {
+        output.duplicates += recording.duplicates;
+        let own = |window: &i64| (unit.windows.0..unit.windows.1).contains(window);
+        for window in chunk::windows(recording).into_iter().filter(own) {
+            let Some(chunk) = chunk::cut(recording, vehicle, topic, window) else {
+                continue;
+            };
+            if is_known(&chunk, known, &log, &mut output) {
+                continue;
+            }
+            match meter.time(Stage::Map, || map_chunk(&chunk, context)) {
+                Ok(evidence) => {
+                    meter.count(Stage::Map, evidence.frames, 0);
+                    let losses = evidence.set_aside.iter().cloned();
+                    output.set_aside.extend(losses.map(|loss| SetAside {
+                        file: log.clone(),
+                        topic: Some(topic.clone()),
+                        ..loss
+                    }));
+                    let row = row(&chunk, topic, &log, &evidence);
+                    output.mapped.push(Mapped { row, evidence });
+                }
+                Err(error) => output.set_aside.push(
+                    SetAside::new(SetAsideKind::Drive, &log, error.to_string())
+                        .on(topic)
+                        .when(chunk.bounds_ns().0)
+                        .times(own_frames(&chunk)),
+                ),
+            }
+        }
+    }
+    output
+}
+
+/// Whether the store has the chunk already, from these messages or from more of them.
+fn is_known(chunk: &Chunk, known: &KnownChunks, log: &str, output: &mut MapOutput) -> bool {
+    let Some(&(digest, messages)) = known.get(&chunk.id) else {
+        return false;
+    };
+    if digest == chunk.digest {
+        output.known += 1;
+        return true;
+    }
+    // The greater of two digests wins among equals, so that the order of runs does not matter.
+    let is_better = (message_count(&chunk.recording), chunk.digest) > (messages, digest);
+    if !is_better {
+        let reason = "the store has evidence of this window from more messages of this vehicle";
+        output.set_aside.push(
+            SetAside::new(SetAsideKind::Frame, log, reason)
+                .when(chunk.bounds_ns().0)
+                .times(own_frames(chunk)),
+        );
+    }
+    !is_better
+}
+
+fn own_frames(chunk: &Chunk) -> u64 {
+    let (from_ns, to_ns) = chunk.bounds_ns();
+    between(&chunk.recording.detections, from_ns, to_ns).len() as u64
+}
+
+fn message_count(recording: &Recording) -> i32 {
+    let count = recording.fixes.len()
+        + recording.imu.len()
+        + recording.odometry.len()
+        + recording.detections.len();
+    i32::try_from(count).unwrap_or(i32::MAX)
+}
+
+fn row(chunk: &Chunk, topic: &str, log: &str, evidence: &Evidence) -> ChunkRow {
+    let (from_ns, to_ns) = chunk.bounds_ns();
+    let own = between(&chunk.recording.detections, from_ns, to_ns);
+    let rows = evidence.rows.iter().map(|row| row.tile);
+    let sightings = evidence.sightings.iter().map(|row| row.tile);
+    let footprints = evidence.footprints.iter().map(|row| row.tile);
+    let tiles: BTreeSet<i32> = rows.chain(sightings).chain(footprints).collect();
+    let tiles: Vec<String> = tiles.iter().map(i32::to_string).collect();
+    ChunkRow {
+        vehicle: chunk.id.vehicle.0,
+        channel: chunk.id.channel,
+        window: chunk.id.window,
+        digest: chunk.digest,
+        method: METHOD_VERSION,
+        model: 0,
+        messages: message_count(&chunk.recording),
+        tiles: tiles.join(","),
+        topic: topic.to_owned(),
+        log: log.to_owned(),
+        frames: own.len() as i32,
+        frames_set_aside: (own.len() as u64).saturating_sub(evidence.frames) as i32,
+        first_ns: own.first().map_or(from_ns, |frame| frame.stamp_ns),
+        last_ns: own.last().map_or(from_ns, |frame| frame.stamp_ns),
+    }
+}

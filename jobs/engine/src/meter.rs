@@ -1,0 +1,155 @@
+//! What each stage of a job did and how long it was busy: for progress, reports and benchmarks.
+//!
+//! Counters are atomics that any worker may add to. Times are for people; they enter no result.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use serde::Serialize;
+
+/// The stages of a job, in the order of the data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Reading the summaries of logs.
+    Index,
+    /// Reading and decoding the messages that are wanted.
+    Read,
+    /// The map stage: poses, registration, matching, testimony.
+    Map,
+    /// Writing evidence.
+    Exchange,
+    /// The reduce stage: fold, judge, candidates.
+    Reduce,
+    /// Writing layers.
+    Commit,
+}
+
+impl Stage {
+    /// All stages in order.
+    pub const ALL: [Self; 6] = [
+        Self::Index,
+        Self::Read,
+        Self::Map,
+        Self::Exchange,
+        Self::Reduce,
+        Self::Commit,
+    ];
+
+    /// The name as printed.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Index => "index",
+            Self::Read => "read",
+            Self::Map => "map",
+            Self::Exchange => "exchange",
+            Self::Reduce => "reduce",
+            Self::Commit => "commit",
+        }
+    }
+
+    /// What [`StageReport::items`] counts.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Index => "logs",
+            Self::Read => "messages",
+            Self::Map => "frames",
+            Self::Exchange => "rows",
+            Self::Reduce | Self::Commit => "tiles",
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+struct Counters {
+    items: AtomicU64,
+    bytes: AtomicU64,
+    busy_nanos: AtomicU64,
+}
+
+/// Counters of all stages of one job.
+#[derive(Debug)]
+pub struct Meter {
+    stages: [Counters; Stage::ALL.len()],
+    started: Instant,
+}
+
+impl Default for Meter {
+    fn default() -> Self {
+        Self {
+            stages: Default::default(),
+            started: Instant::now(),
+        }
+    }
+}
+
+impl Meter {
+    /// Runs `work`, counting its time as busy time of `stage` on this thread.
+    pub fn time<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
+        let started = Instant::now();
+        let result = work();
+        let nanos = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.stages[stage as usize]
+            .busy_nanos
+            .fetch_add(nanos, Ordering::Relaxed);
+        result
+    }
+
+    /// Counts `items` (and the bytes they took) of a stage as done.
+    pub fn count(&self, stage: Stage, items: u64, bytes: u64) {
+        let counters = &self.stages[stage as usize];
+        counters.items.fetch_add(items, Ordering::Relaxed);
+        counters.bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    /// The figures so far.
+    #[must_use]
+    pub fn report(&self) -> Vec<StageReport> {
+        Stage::ALL
+            .iter()
+            .map(|&stage| {
+                let counters = &self.stages[stage as usize];
+                let items = counters.items.load(Ordering::Relaxed);
+                let bytes = counters.bytes.load(Ordering::Relaxed);
+                let busy_s = counters.busy_nanos.load(Ordering::Relaxed) as f64 * 1e-9;
+                let per_busy_s = |amount: f64| if busy_s > 0.0 { amount / busy_s } else { 0.0 };
+                StageReport {
+                    stage: stage.name(),
+                    unit: stage.unit(),
+                    items,
+                    bytes,
+                    busy_s,
+                    items_per_busy_s: per_busy_s(items as f64),
+                    mb_per_busy_s: per_busy_s(bytes as f64 * 1e-6),
+                }
+            })
+            .collect()
+    }
+
+    /// Seconds since the job began.
+    #[must_use]
+    pub fn elapsed_s(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+}
+
+/// What one stage did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StageReport {
+    /// Stage name.
+    pub stage: &'static str,
+    /// What `items` counts.
+    pub unit: &'static str,
+    /// Items done.
+    pub items: u64,
+    /// Bytes read or written.
+    pub bytes: u64,
+    /// Seconds of work, summed over threads.
+    pub busy_s: f64,
+    /// Items per busy second.
+    pub items_per_busy_s: f64,
+    /// Megabytes (10^6) per busy second.
+    pub mb_per_busy_s: f64,
+}

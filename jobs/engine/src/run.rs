@@ -1,0 +1,404 @@
+//! `run`: new logs in, a new version out.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use tilefold_reducers::FusionModel;
+use tilefold_schemas::layer::ElementRow;
+use tilefold_schemas::{
+    ChangeRecord, ChunkId, ChunkRow, EvidenceRow, Footprint, LayerHeader, SetAside, Sighting,
+    TileId, VehicleKey,
+};
+use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
+use tilefold_tiler::map_index::{MapIndex, MappedElement};
+use tilefold_workers::MapContext;
+
+use crate::base_map;
+use crate::error::EngineError;
+use crate::logs::Catalogue;
+use crate::map_job::{KnownChunks, MapOutput, map_units};
+use crate::meter::{Meter, Stage, StageReport};
+use crate::progress::Progress;
+use crate::reduce_job::{Layer, additions, reduce_tiles};
+
+/// What a run did.
+#[derive(Debug, Clone, Serialize)]
+pub struct RunReport {
+    /// Version that readers see now.
+    pub version: i64,
+    /// Whether it is a new one.
+    pub is_new_version: bool,
+    /// Logs that could be read.
+    pub logs: usize,
+    /// Vehicles in them.
+    pub vehicles: usize,
+    /// Chunks that were mapped now.
+    pub chunks_mapped: usize,
+    /// Chunks that the store knew already.
+    pub chunks_known: u64,
+    /// Messages that were copies of others.
+    pub duplicate_messages: u64,
+    /// Tiles that were reduced.
+    pub tiles_reduced: usize,
+    /// Stages with their rates.
+    pub stages: Vec<StageReport>,
+    /// Seconds from start to commit.
+    pub wall_s: f64,
+    /// What was set aside.
+    pub set_aside: Vec<SetAside>,
+}
+
+/// What a run would do.
+#[derive(Debug, Clone, Serialize)]
+pub struct Plan {
+    /// Logs that can be read.
+    pub logs: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Vehicles in them.
+    pub vehicles: usize,
+    /// Units of work (a block of a vehicle's time each).
+    pub units: usize,
+    /// Messages in the logs.
+    pub messages: u64,
+    /// What would be set aside, as far as the summaries say.
+    pub set_aside: Vec<SetAside>,
+}
+
+/// Looks at the logs' summaries only.
+#[must_use]
+pub fn plan(logs: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Plan {
+    let catalogue = Catalogue::open(logs, meter, progress);
+    let units = catalogue.units();
+    let vehicles: BTreeSet<&str> = units.iter().map(|unit| unit.vehicle.as_str()).collect();
+    Plan {
+        logs: catalogue.logs.len(),
+        bytes: catalogue.logs.iter().map(|log| log.size_bytes).sum(),
+        vehicles: vehicles.len(),
+        units: units.len(),
+        messages: catalogue.logs.iter().map(|log| log.message_count()).sum(),
+        set_aside: catalogue.set_aside,
+    }
+}
+
+/// Maps what is new in `logs`, folds what it touches, and commits a version.
+///
+/// # Errors
+/// The store cannot be read or written, or another writer was faster. Nothing has changed then.
+pub fn run(
+    location: &Path,
+    logs: &[PathBuf],
+    model: FusionModel,
+    progress: &dyn Progress,
+) -> Result<RunReport, EngineError> {
+    let meter = Meter::default();
+    let store = Store::open(location.to_path_buf())?;
+    let snapshot = store.snapshot(None)?;
+    let tile_level = u32::from(store.properties().tile_level);
+    let catalogue = Catalogue::open(logs, &meter, progress);
+    let units = catalogue.units();
+    let vehicles: BTreeSet<&str> = units.iter().map(|unit| unit.vehicle.as_str()).collect();
+    let context = MapContext {
+        map: MapIndex::new(read_elements(&snapshot, tile_level)?),
+        tile_level,
+    };
+    let known_rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
+    let salt = &store.properties().salt;
+    let mapped = map_units(
+        &catalogue,
+        &units,
+        &known_chunks(&known_rows),
+        salt,
+        &context,
+        &meter,
+        progress,
+    );
+    let mut report = RunReport {
+        version: snapshot.version(),
+        is_new_version: false,
+        logs: catalogue.logs.len(),
+        vehicles: vehicles.len(),
+        chunks_mapped: mapped.mapped.len(),
+        chunks_known: mapped.known,
+        duplicate_messages: mapped.duplicates,
+        tiles_reduced: 0,
+        stages: Vec::new(),
+        wall_s: 0.0,
+        set_aside: sorted(catalogue.set_aside.iter().chain(&mapped.set_aside)),
+    };
+    let transaction = store.begin_from(snapshot)?;
+    let update = Update {
+        elements: context.map.elements(),
+        tile_level,
+        model,
+        meter: &meter,
+        progress,
+    };
+    let (version, tiles) = update.commit(transaction, known_rows, mapped)?;
+    report.is_new_version = version != report.version;
+    report.version = version;
+    report.tiles_reduced = tiles;
+    report.stages = meter.report();
+    report.wall_s = meter.elapsed_s();
+    Ok(report)
+}
+
+fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
+    let mut all: Vec<SetAside> = set_aside.cloned().collect();
+    all.sort();
+    all.dedup();
+    all
+}
+
+/// The base map of a version.
+///
+/// # Errors
+/// The store is damaged.
+pub fn read_elements(
+    snapshot: &Snapshot,
+    tile_level: u32,
+) -> Result<Vec<MappedElement>, EngineError> {
+    let rows: Vec<ElementRow> = snapshot.read(TileFilter::All)?;
+    rows.into_iter()
+        .map(|row| base_map::from_row(row, tile_level))
+        .collect()
+}
+
+fn known_chunks(rows: &[ChunkRow]) -> KnownChunks {
+    let known = rows.iter().map(|row| (chunk_id(row), (row.digest, row.messages)));
+    known.collect()
+}
+
+fn chunk_id(row: &ChunkRow) -> ChunkId {
+    ChunkId {
+        vehicle: VehicleKey(row.vehicle),
+        channel: row.channel,
+        window: row.window,
+    }
+}
+
+fn tiles_of(row: &ChunkRow) -> impl Iterator<Item = TileId> + '_ {
+    let tiles = row.tiles.split(',').filter_map(|tile| tile.parse().ok());
+    tiles.map(TileId)
+}
+
+/// A row that says which chunk testified it.
+trait Testified: StoredTable {
+    fn chunk(&self) -> ChunkId;
+    fn tile(&self) -> TileId;
+}
+
+macro_rules! testified {
+    ($($row:ty),+) => { $(
+        impl Testified for $row {
+            fn chunk(&self) -> ChunkId {
+                ChunkId {
+                    vehicle: VehicleKey(self.vehicle),
+                    channel: self.channel,
+                    window: self.window,
+                }
+            }
+            fn tile(&self) -> TileId {
+                TileId(self.tile)
+            }
+        }
+    )+ };
+}
+testified!(EvidenceRow, Sighting, Footprint);
+
+/// From mapped chunks to a committed version.
+struct Update<'a> {
+    elements: &'a [MappedElement],
+    tile_level: u32,
+    model: FusionModel,
+    meter: &'a Meter,
+    progress: &'a dyn Progress,
+}
+
+impl Update<'_> {
+    /// Commits; returns the version and how many tiles were reduced.
+    fn commit(
+        &self,
+        mut transaction: Transaction,
+        known: Vec<ChunkRow>,
+        output: MapOutput,
+    ) -> Result<(i64, usize), EngineError> {
+        if output.mapped.is_empty() && !self.changes_model(transaction.base())? {
+            return Ok((transaction.base().version(), 0));
+        }
+        let (mut chunks, mut rows, mut sightings, mut footprints) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for mapped in output.mapped {
+            chunks.push(mapped.row);
+            rows.extend(mapped.evidence.rows);
+            sightings.extend(mapped.evidence.sightings);
+            footprints.extend(mapped.evidence.footprints);
+        }
+        let new: BTreeSet<ChunkId> = chunks.iter().map(chunk_id).collect();
+        let (replaced, kept): (Vec<ChunkRow>, Vec<ChunkRow>) =
+            known.into_iter().partition(|row| new.contains(&chunk_id(row)));
+        let touched: BTreeSet<TileId> = chunks.iter().chain(&replaced).flat_map(tiles_of).collect();
+
+        self.progress.begin(Stage::Exchange, 3);
+        let rows = self.exchange(&mut transaction, &touched, &new, rows)?;
+        self.exchange(&mut transaction, &touched, &new, sightings.clone())?;
+        self.exchange(&mut transaction, &touched, &new, footprints.clone())?;
+        self.progress.end(Stage::Exchange);
+        let base = transaction.base().clone();
+        let sightings = self.all(&base, &new, sightings)?;
+        let footprints = self.all(&base, &new, footprints)?;
+        chunks.extend(kept);
+        transaction.overwrite(chunks)?;
+
+        let additions = self
+            .meter
+            .time(Stage::Reduce, || {
+                additions(&sightings, &footprints, self.tile_level, self.model)
+            });
+        let tiles = self.dirty_tiles(&base, &touched, &additions)?;
+        let rows = self.rows_of(&base, &tiles, &touched, rows)?;
+        let layers = reduce_tiles(
+            &tiles,
+            self.elements,
+            &rows,
+            &additions,
+            self.model,
+            self.meter,
+            self.progress,
+        )?;
+        self.progress.begin(Stage::Commit, tiles.len() as u64);
+        let version = self.meter.time(Stage::Commit, || {
+            write_layers(&mut transaction, &tiles, layers)?;
+            let model = self.model.name().to_owned();
+            let parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
+            Ok::<_, EngineError>(transaction.commit("run", parameters)?)
+        })?;
+        self.meter.count(Stage::Commit, tiles.len() as u64, 0);
+        self.progress.end(Stage::Commit);
+        Ok((version, tiles.len()))
+    }
+
+    /// Whether the layers were made with another fusion model than the one asked for.
+    fn changes_model(&self, base: &Snapshot) -> Result<bool, EngineError> {
+        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
+        Ok(headers.iter().any(|header| header.fusion_model != self.model.name()))
+    }
+
+    /// Replaces what the touched tiles hold of `new` chunks; returns all their rows.
+    fn exchange<R: Testified + Clone>(
+        &self,
+        transaction: &mut Transaction,
+        touched: &BTreeSet<TileId>,
+        new: &BTreeSet<ChunkId>,
+        rows: Vec<R>,
+    ) -> Result<Vec<R>, EngineError> {
+        let count = rows.len() as u64;
+        let rows = self.meter.time(Stage::Exchange, || {
+            let mut all: Vec<R> = transaction.base().read(TileFilter::Tiles(touched))?;
+            all.retain(|row| !new.contains(&row.chunk()) && touched.contains(&row.tile()));
+            all.extend(rows);
+            transaction.replace_tiles(touched, all.clone())?;
+            Ok::<_, EngineError>(all)
+        })?;
+        self.meter.count(Stage::Exchange, count, 0);
+        self.progress.advance(Stage::Exchange, 1, 0);
+        Ok(rows)
+    }
+
+    /// All rows of a table as they will be.
+    fn all<R: Testified>(
+        &self,
+        base: &Snapshot,
+        new: &BTreeSet<ChunkId>,
+        rows: Vec<R>,
+    ) -> Result<Vec<R>, EngineError> {
+        let mut all: Vec<R> = base.read(TileFilter::All)?;
+        all.retain(|row| !new.contains(&row.chunk()));
+        all.extend(rows);
+        Ok(all)
+    }
+
+    /// Tiles with new evidence, with other additions than before, or with another model's layer.
+    fn dirty_tiles(
+        &self,
+        base: &Snapshot,
+        touched: &BTreeSet<TileId>,
+        additions: &[ChangeRecord],
+    ) -> Result<BTreeSet<TileId>, EngineError> {
+        let mut before: BTreeMap<TileId, Vec<ChangeRecord>> = BTreeMap::new();
+        let records: Vec<ChangeRecord> = base.read(TileFilter::All)?;
+        for record in records.into_iter().filter(|record| record.element.is_none()) {
+            before.entry(TileId(record.tile)).or_default().push(record);
+        }
+        let mut now: BTreeMap<TileId, Vec<ChangeRecord>> = BTreeMap::new();
+        for record in additions {
+            now.entry(TileId(record.tile)).or_default().push(record.clone());
+        }
+        before.values_mut().chain(now.values_mut()).for_each(|records| {
+            records.sort_by_key(|record| record.change);
+        });
+        let moved = before.keys().chain(now.keys()).filter(|tile| before.get(tile) != now.get(tile));
+        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
+        let other_model = headers.iter().filter(|h| h.fusion_model != self.model.name());
+        Ok(touched
+            .iter()
+            .copied()
+            .chain(moved.copied())
+            .chain(other_model.map(|header| TileId(header.tile)))
+            .collect())
+    }
+
+    /// Ledger rows of dirty tiles: those at hand, and the store's for tiles that were not touched.
+    fn rows_of(
+        &self,
+        base: &Snapshot,
+        tiles: &BTreeSet<TileId>,
+        touched: &BTreeSet<TileId>,
+        mut rows: Vec<EvidenceRow>,
+    ) -> Result<Vec<EvidenceRow>, EngineError> {
+        let others: BTreeSet<TileId> = tiles.difference(touched).copied().collect();
+        if !others.is_empty() {
+            let stored: Vec<EvidenceRow> = base.read(TileFilter::Tiles(&others))?;
+            rows.extend(stored.into_iter().filter(|row| others.contains(&TileId(row.tile))));
+        }
+        Ok(rows)
+    }
+}
+
+fn write_layers(
+    transaction: &mut Transaction,
+    tiles: &BTreeSet<TileId>,
+    layers: Vec<Layer>,
+) -> Result<(), EngineError> {
+    let (headers, records): (Vec<_>, Vec<_>) =
+        layers.into_iter().map(|layer| (layer.header, layer.records)).unzip();
+    transaction.replace_tiles(tiles, records.into_iter().flatten().collect())?;
+    transaction.replace_tiles(tiles, headers)?;
+    Ok(())
+}
+
+/// All change records of a version under a fusion model; from its layers, or folded anew where
+/// they were made with the other model.
+///
+/// # Errors
+/// The store is damaged.
+pub fn records(snapshot: &Snapshot, model: FusionModel) -> Result<Vec<ChangeRecord>, EngineError> {
+    let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
+    if headers.iter().all(|header| header.fusion_model == model.name()) {
+        return Ok(snapshot.read(TileFilter::All)?);
+    }
+    let tile_level = u32::from(snapshot.store().properties().tile_level);
+    let elements = read_elements(snapshot, tile_level)?;
+    let rows: Vec<EvidenceRow> = snapshot.read(TileFilter::All)?;
+    let sightings: Vec<Sighting> = snapshot.read(TileFilter::All)?;
+    let footprints: Vec<Footprint> = snapshot.read(TileFilter::All)?;
+    let additions = additions(&sightings, &footprints, tile_level, model);
+    let owners = elements.iter().map(|element| element.tile);
+    let tiles: BTreeSet<TileId> =
+        owners.chain(additions.iter().map(|record| TileId(record.tile))).collect();
+    let meter = Meter::default();
+    let silent = crate::progress::Silent;
+    let layers = reduce_tiles(&tiles, &elements, &rows, &additions, model, &meter, &silent)?;
+    Ok(layers.into_iter().flat_map(|layer| layer.records).collect())
+}
