@@ -25,13 +25,7 @@ pub const PASS_SIGMA_M: f64 = 0.3;
 /// A false match lies anywhere within the matching gate: its density per metre.
 const FALSE_MATCH_DENSITY: f64 = 1.0 / 3.2;
 /// Offsets that still are "in its place", with their prior.
-const TOLERANCE: [(f64, f64); 5] = [
-    (-0.2, 0.1),
-    (-0.1, 0.2),
-    (0.0, 0.4),
-    (0.1, 0.2),
-    (0.2, 0.1),
-];
+const TOLERANCE: [(f64, f64); 5] = [(-0.2, 0.1), (-0.1, 0.2), (0.0, 0.4), (0.1, 0.2), (0.2, 0.1)];
 /// Shifts are considered from here...
 const SHIFT_FROM_M: f64 = 0.4;
 /// ... in steps of this ...

@@ -140,7 +140,10 @@ fn judge_component(
     tile_level: u32,
     model_name: &str,
 ) -> Vec<ChangeRecord> {
-    let Some(anchor) = component.iter().find_map(|s| vertices_of(s).first().copied()) else {
+    let Some(anchor) = component
+        .iter()
+        .find_map(|s| vertices_of(s).first().copied())
+    else {
         return Vec::new();
     };
     let frame = LocalFrame::new([anchor[0], anchor[1], 0.0]);
@@ -162,7 +165,10 @@ fn plane_vertices(component: &[&Sighting], frame: &LocalFrame) -> Vec<Vertex> {
             })
             .collect();
         for at in 0..points.len() {
-            let (from, to) = (points[at.saturating_sub(1)], points[(at + 1).min(points.len() - 1)]);
+            let (from, to) = (
+                points[at.saturating_sub(1)],
+                points[(at + 1).min(points.len() - 1)],
+            );
             if let Some(along) = unit([to[0] - from[0], to[1] - from[1]]) {
                 vertices.push(Vertex {
                     at: points[at],
@@ -290,7 +296,10 @@ impl Gathered {
     fn middle(&self) -> Option<(f64, [f64; 2])> {
         let mut offsets: Vec<f64> = self.by_vehicle.values().map(|v| v.0 / v.2).collect();
         offsets.sort_by(f64::total_cmp);
-        let (low, high) = (offsets.get((offsets.len().max(1) - 1) / 2)?, offsets.get(offsets.len() / 2)?);
+        let (low, high) = (
+            offsets.get((offsets.len().max(1) - 1) / 2)?,
+            offsets.get(offsets.len() / 2)?,
+        );
         let mut sum = [0.0; 2];
         for (_, direction, count, _) in self.by_vehicle.values() {
             sum[0] += direction[0] / count;
@@ -301,7 +310,9 @@ impl Gathered {
 
     fn seen_by(self) -> BTreeMap<i64, BTreeSet<usize>> {
         let vehicles = self.by_vehicle.into_iter();
-        vehicles.map(|(vehicle, (_, _, _, sightings))| (vehicle, sightings)).collect()
+        vehicles
+            .map(|(vehicle, (_, _, _, sightings))| (vehicle, sightings))
+            .collect()
     }
 }
 
@@ -368,9 +379,10 @@ struct LookIndex<'a> {
 
 impl<'a> LookIndex<'a> {
     fn new(footprints: &'a [Footprint]) -> Self {
-        let places = footprints.iter().enumerate().map(|(index, footprint)| {
-            GeomWithData::new(degrees(footprint), index)
-        });
+        let places = footprints
+            .iter()
+            .enumerate()
+            .map(|(index, footprint)| GeomWithData::new(degrees(footprint), index));
         Self {
             footprints,
             tree: RTree::bulk_load(places.collect()),
@@ -434,8 +446,12 @@ fn visibility(footprint: &Footprint, place: [f64; 2], frame: &LocalFrame) -> Opt
     let in_range = metres(footprint.range_from_mm) - RANGE_SLACK_M <= ahead_m
         && ahead_m <= metres(footprint.range_to_mm) + RANGE_SLACK_M;
     // Falls from full at the near side to nothing at the reach, as the map stage sees it.
-    let reach_m = if left_m >= 0.0 { metres(footprint.left_mm) } else { -metres(footprint.right_mm) };
-    let side = ((reach_m - left_m.abs()) / (reach_m * 0.63)).clamp(0.0, 1.0);
+    let reach_m = if left_m >= 0.0 {
+        metres(footprint.left_mm)
+    } else {
+        -metres(footprint.right_mm)
+    };
+    let side = ((reach_m - left_m.abs()) / (reach_m * 0.38)).clamp(0.0, 1.0);
     (in_range && side > 0.05).then(|| side * fixed::to_f64(footprint.v_fx))
 }
 
@@ -455,7 +471,10 @@ fn judge_line(
         .iter()
         .map(|&start| SectionLooks::new(line, start, nodes_per_section, frame, looks))
         .collect();
-    let logs: Vec<[f64; 2]> = judged.iter().map(|section| [0.0, WORTH * section.nats()]).collect();
+    let logs: Vec<[f64; 2]> = judged
+        .iter()
+        .map(|section| [0.0, WORTH * section.nats()])
+        .collect();
     let prior = [1.0 - PRIOR_ADDED, PRIOR_ADDED];
     let posterior = chain::posterior(&logs, &prior, &[[1.0, 0.0], [0.0, 1.0]]);
     let mut records = Vec::new();
@@ -464,7 +483,10 @@ fn judge_line(
         let size = posterior[from..].iter().take_while(|p| p[1] >= 0.5).count();
         let to = from + size;
         if size > 0 {
-            let nodes = (starts[from], (starts[to - 1] + nodes_per_section).min(line.nodes.len() - 1));
+            let nodes = (
+                starts[from],
+                (starts[to - 1] + nodes_per_section).min(line.nodes.len() - 1),
+            );
             let p_added = posterior[from..to].iter().map(|p| p[1]).sum::<f64>() / size as f64;
             records.extend(record(
                 line,
@@ -499,7 +521,11 @@ impl SectionLooks {
         let middle = (start + size / 2).min(line.nodes.len() - 1);
         let reach = (HIT_REACH_M / STEP_M) as usize;
         let near = middle.saturating_sub(reach)..(middle + reach + 1).min(line.nodes.len());
-        let saw = |vehicle: &i64| line.seen_by[near.clone()].iter().any(|s| s.contains_key(vehicle));
+        let saw = |vehicle: &i64| {
+            line.seen_by[near.clone()]
+                .iter()
+                .any(|s| s.contains_key(vehicle))
+        };
         let looks = looks.visibility(line.nodes[middle], frame);
         Self {
             looks: looks
@@ -532,7 +558,10 @@ fn pass_nats(visibility: f64, saw: bool) -> f64 {
     libm::log(mixed(there) / mixed(nothing))
 }
 
-#[allow(clippy::too_many_arguments, reason = "a record is made of all of them, once")]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "a record is made of all of them, once"
+)]
 fn record(
     line: &Followed,
     (from, to): (usize, usize),
@@ -564,12 +593,24 @@ fn record(
             round_degrees([lon, lat, 0.0])
         })
         .collect();
-    let vehicles: BTreeSet<i64> = sections.iter().flat_map(|s| s.looks.keys().copied()).collect();
-    let looks = || sections.iter().flat_map(|s| s.looks.values().map(|(look, _)| look));
+    let vehicles: BTreeSet<i64> = sections
+        .iter()
+        .flat_map(|s| s.looks.keys().copied())
+        .collect();
+    let looks = || {
+        sections
+            .iter()
+            .flat_map(|s| s.looks.values().map(|(look, _)| look))
+    };
     let best = sightings
         .iter()
         .map(|&index| component[index])
-        .max_by_key(|s| (s.sum_v_fx, std::cmp::Reverse((s.first_ns, s.vehicle, s.track))))?;
+        .max_by_key(|s| {
+            (
+                s.sum_v_fx,
+                std::cmp::Reverse((s.first_ns, s.vehicle, s.track)),
+            )
+        })?;
     Some(ChangeRecord {
         tile: tile_of(vertices[0][0], vertices[0][1], tile_level).ok()?.0,
         change: candidate_id(earliest, from, line),
@@ -587,7 +628,10 @@ fn record(
         vehicles: vehicles.len() as i32,
         passes: vehicles.len() as i32,
         exposed: looks().map(|look| look.frames).sum(),
-        hit: sightings.iter().map(|&s| i64::from(component[s].frames)).sum(),
+        hit: sightings
+            .iter()
+            .map(|&s| i64::from(component[s].frames))
+            .sum(),
         first_ns: looks().map(|look| look.first_ns).min().unwrap_or(0),
         last_ns: looks().map(|look| look.last_ns).max().unwrap_or(0),
         shift_m: None,

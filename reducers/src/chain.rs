@@ -82,7 +82,11 @@ mod tests {
             let state = |section: usize| path >> section & 1;
             let mut weight = prior[state(0)];
             for section in 1..3 {
-                let alike = if state(section) == state(section - 1) { 1.0 } else { 0.0 };
+                let alike = if state(section) == state(section - 1) {
+                    1.0
+                } else {
+                    0.0
+                };
                 weight *= (1.0 - BOUNDARY) * alike + BOUNDARY * prior[state(section)];
             }
             for (section, log) in logs.iter().enumerate() {

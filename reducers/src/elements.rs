@@ -47,7 +47,11 @@ pub fn judge(
         mapped.element.kind,
         ElementKind::LaneMarking | ElementKind::StopLine
     );
-    let count = if linear { section_count(length_m, SECTION_M) } else { 1 };
+    let count = if linear {
+        section_count(length_m, SECTION_M)
+    } else {
+        1
+    };
     let sections = by_section(rows, mapped, count);
     let judged = match model {
         FusionModel::Paper => sections.iter().map(|p| judge_paper(p)).collect(),
@@ -55,9 +59,7 @@ pub fn judge(
     };
     stretches(&judged, &sections)
         .into_iter()
-        .map(|(verdict, range)| {
-            record(mapped, &sections, &judged, verdict, range, length_m, model)
-        })
+        .map(|(verdict, range)| record(mapped, &sections, &judged, verdict, range, length_m, model))
         .collect()
 }
 
@@ -69,7 +71,12 @@ fn by_section(rows: &[&EvidenceRow], mapped: &MappedElement, count: u32) -> Vec<
         grouped.entry(row.section).or_default().push(row);
     }
     (0..count.cast_signed())
-        .map(|section| grouped.get(&section).map(|rows| passes(rows)).unwrap_or_default())
+        .map(|section| {
+            grouped
+                .get(&section)
+                .map(|rows| passes(rows))
+                .unwrap_or_default()
+        })
         .collect()
 }
 
@@ -97,7 +104,10 @@ fn judge_calibrated(sections: &[Vec<Pass>]) -> Vec<Judged> {
         .map(|passes| calibrated::log_likelihoods(passes).map(|fx| worth * fixed::to_f64(fx)))
         .collect();
     let posterior = chain::posterior(&logs, &prior, &kin(&states));
-    posterior.iter().map(|states_p| merge_states(states_p, &states)).collect()
+    posterior
+        .iter()
+        .map(|states_p| merge_states(states_p, &states))
+        .collect()
 }
 
 /// Within a claim, the offset may wander to the next one from section to section.
@@ -112,8 +122,7 @@ fn kin(states: &[(Claim, f64); STATES]) -> [[f64; STATES]; STATES] {
         _ => 0.0,
     };
     std::array::from_fn(|from| {
-        let row: [f64; STATES] =
-            std::array::from_fn(|to| affinity(&states[from].0, &states[to].0));
+        let row: [f64; STATES] = std::array::from_fn(|to| affinity(&states[from].0, &states[to].0));
         let total: f64 = row.iter().sum();
         row.map(|value| value / total)
     })
@@ -133,8 +142,16 @@ fn merge_states(posterior: &[f64; STATES], states: &[(Claim, f64); STATES]) -> J
             }
         }
     }
-    let shift_m = if merged[3] > 0.0 { sum / merged[3] } else { 0.0 };
-    let variance = if merged[3] > 0.0 { square / merged[3] - shift_m * shift_m } else { 0.0 };
+    let shift_m = if merged[3] > 0.0 {
+        sum / merged[3]
+    } else {
+        0.0
+    };
+    let variance = if merged[3] > 0.0 {
+        square / merged[3] - shift_m * shift_m
+    } else {
+        0.0
+    };
     Judged {
         posterior: merged,
         shift_m,
@@ -183,7 +200,11 @@ fn stretches(judged: &[Judged], sections: &[Vec<Pass>]) -> Vec<Stretch> {
     });
     if runs.is_empty() {
         let unchanged = verdicts.contains(&Verdict::NoChange);
-        let verdict = if unchanged { Verdict::NoChange } else { Verdict::Unknown };
+        let verdict = if unchanged {
+            Verdict::NoChange
+        } else {
+            Verdict::Unknown
+        };
         runs.push((verdict, whole));
     }
     runs
@@ -213,7 +234,11 @@ fn mean_posterior(judged: &[Judged]) -> [f64; 4] {
 
 /// Mean residual of passes and its standard deviation, in metres.
 fn mean_residual(sections: &[Vec<Pass>]) -> Option<(f64, f64)> {
-    let residuals: Vec<f64> = sections.iter().flatten().filter_map(Pass::residual_m).collect();
+    let residuals: Vec<f64> = sections
+        .iter()
+        .flatten()
+        .filter_map(Pass::residual_m)
+        .collect();
     let count = residuals.len() as f64;
     (!residuals.is_empty()).then(|| {
         let mean = residuals.iter().sum::<f64>() / count;
@@ -234,9 +259,12 @@ fn record(
     let stretch = &judged[from..to];
     let posterior = mean_posterior(stretch);
     let passes: Vec<&Pass> = sections[from..to].iter().flatten().collect();
-    let best = passes
-        .iter()
-        .max_by_key(|pass| (pass.sum_v_fx, std::cmp::Reverse((pass.vehicle, pass.best_ns))));
+    let best = passes.iter().max_by_key(|pass| {
+        (
+            pass.sum_v_fx,
+            std::cmp::Reverse((pass.vehicle, pass.best_ns)),
+        )
+    });
     let of_sections = |section: usize| section_range(section as u32, length_m, SECTION_M);
     let (from_m, to_m) = if from == 0 && to == judged.len() {
         (0.0, length_m)
@@ -292,9 +320,17 @@ fn passes_of_stretch(passes: &[&Pass]) -> i32 {
 }
 
 fn mean_shift(stretch: &[Judged]) -> (f64, f64) {
-    let weight: f64 = stretch.iter().map(|j| j.posterior[3]).sum::<f64>().max(1e-12);
+    let weight: f64 = stretch
+        .iter()
+        .map(|j| j.posterior[3])
+        .sum::<f64>()
+        .max(1e-12);
     let mean = |value: fn(&Judged) -> f64| {
-        stretch.iter().map(|j| j.posterior[3] * value(j)).sum::<f64>() / weight
+        stretch
+            .iter()
+            .map(|j| j.posterior[3] * value(j))
+            .sum::<f64>()
+            / weight
     };
     (mean(|j| j.shift_m), mean(|j| j.shift_sigma_m))
 }
@@ -302,7 +338,12 @@ fn mean_shift(stretch: &[Judged]) -> (f64, f64) {
 /// The class seen most, the lower code of equals; none if none was recognised.
 fn observed_class(passes: &[&Pass]) -> Option<i16> {
     let bins = passes.first().map_or(0, |pass| pass.seen.len());
-    let total = |bin: usize| passes.iter().map(|pass| i64::from(pass.seen[bin])).sum::<i64>();
+    let total = |bin: usize| {
+        passes
+            .iter()
+            .map(|pass| i64::from(pass.seen[bin]))
+            .sum::<i64>()
+    };
     (1..bins)
         .map(|bin| (total(bin), std::cmp::Reverse(bin)))
         .max()
@@ -340,7 +381,11 @@ fn shifted_line(
     let stretch = Polyline::new(line.between(from_m, to_m)).ok()?;
     let move_left = |(point, station_m): (&[f64; 3], &f64)| {
         let [east, north] = stretch.at(*station_m).tangent;
-        let moved = [point[0] - shift_m * north, point[1] + shift_m * east, point[2]];
+        let moved = [
+            point[0] - shift_m * north,
+            point[1] + shift_m * east,
+            point[2],
+        ];
         round_degrees(frame.to_wgs84(moved))
     };
     let stations = stretch.points().iter().zip(stretch.stations_m());

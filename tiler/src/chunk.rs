@@ -57,12 +57,7 @@ pub fn windows(recording: &Recording) -> Vec<i64> {
 
 /// The chunk of a settled recording for one window; none if it holds no detections.
 #[must_use]
-pub fn cut(
-    recording: &Recording,
-    vehicle: VehicleKey,
-    topic: &str,
-    window: i64,
-) -> Option<Chunk> {
+pub fn cut(recording: &Recording, vehicle: VehicleKey, topic: &str, window: i64) -> Option<Chunk> {
     let (from_ns, to_ns) = window_bounds_ns(window);
     if between(&recording.detections, from_ns, to_ns).is_empty() {
         return None;

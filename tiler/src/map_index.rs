@@ -32,7 +32,8 @@ impl MappedElement {
         Ok(Self {
             tile: tile_of(longitude_deg, latitude_deg, level)?,
             content: element.content_hash(),
-            length_m: Polyline::of_element(&element.points).map_or(0.0, |(_, line)| line.length_m()),
+            length_m: Polyline::of_element(&element.points)
+                .map_or(0.0, |(_, line)| line.length_m()),
             element,
         })
     }

@@ -19,7 +19,9 @@ pub enum CameraError {
     )]
     Model(String),
     /// A camera matrix that cannot be inverted.
-    #[error("the camera matrix has the focal lengths fx = {fx}, fy = {fy} pixels; both must be positive")]
+    #[error(
+        "the camera matrix has the focal lengths fx = {fx}, fy = {fy} pixels; both must be positive"
+    )]
     Focal {
         /// Horizontal focal length in pixels.
         fx: f64,
@@ -110,8 +112,8 @@ impl Camera {
     fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [k1, k2, p1, p2, k3, k4, k5, k6] = self.distortion;
         let r2 = x * x + y * y;
-        let radial = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)))
-            / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+        let radial =
+            (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
         [
             x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
             y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
@@ -172,7 +174,12 @@ mod tests {
     #[test]
     fn the_road_point_of_a_pixel_is_seen_at_that_pixel() {
         let camera = camera();
-        for pixel in [[976.0, 700.0], [300.0, 800.0], [1700.0, 900.0], [976.0, 590.0]] {
+        for pixel in [
+            [976.0, 700.0],
+            [300.0, 800.0],
+            [1700.0, 900.0],
+            [976.0, 590.0],
+        ] {
             let road = camera.road_from_pixel(pixel).unwrap();
             assert_eq!(road[2], 0.0);
             let again = camera.pixel_from_vehicle(road).unwrap();

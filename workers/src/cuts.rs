@@ -183,8 +183,10 @@ impl Ahead {
         }
         let ahead_m = range_m - self.from[0];
         let lateral_m = self.from[1] + self.slope * ahead_m;
-        (lateral_m.abs() <= SIDE_M)
-            .then_some((lateral_m, self.from_station_m + self.station_per_range * ahead_m))
+        (lateral_m.abs() <= SIDE_M).then_some((
+            lateral_m,
+            self.from_station_m + self.station_per_range * ahead_m,
+        ))
     }
 }
 

@@ -121,7 +121,9 @@ mod tests {
     #[test]
     fn yaw_is_counter_clockwise_from_east_and_zero_quaternions_have_none() {
         let half = (0.25 * std::f64::consts::PI).sin();
-        assert!((yaw_rad([0.0, 0.0, half, half]).unwrap() - std::f64::consts::FRAC_PI_2).abs() < 1e-9);
+        assert!(
+            (yaw_rad([0.0, 0.0, half, half]).unwrap() - std::f64::consts::FRAC_PI_2).abs() < 1e-9
+        );
         assert_eq!(yaw_rad([0.0; 4]), None);
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! Pure: no disk, no clock, no environment, no randomness. The way of a frame is the order of the
 //! modules: [`pose`] and [`frames`] place the vehicle, [`camera`] and [`look`] bring what was seen
-//! into metres, [`local_map`] and [`cuts`] lay it beside the map, [`register`] takes out the error
-//! of the position, [`matching`] says which line is which, [`visibility`] what could be seen, and
+//! into metres, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
+//! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen, and
 //! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk`] joins them.
 
 mod banded;
@@ -17,6 +17,7 @@ pub mod map_chunk;
 pub mod matching;
 pub mod pose;
 pub mod register;
+pub mod scale;
 pub mod sight;
 pub mod testify;
 pub mod visibility;

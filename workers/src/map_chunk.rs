@@ -11,7 +11,8 @@ use crate::local_map::LocalMap;
 use crate::look::{Look, Looks};
 use crate::matching::match_lines;
 use crate::pose::{PoseError, Trajectory};
-use crate::register::register;
+use crate::register::{Registration, register};
+use crate::scale;
 use crate::sight::Sightings;
 use crate::testify::{Frame, Ledger};
 use crate::visibility::Zone;
@@ -53,7 +54,7 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
     let local_frame = Trajectory::anchor(recording)?;
     let trajectory = Trajectory::estimate(recording, &local_frame, &tree)?;
     let Looks {
-        looks,
+        mut looks,
         without_pose_ns,
         without_camera_ns,
     } = Looks::collect(recording, &trajectory, &tree);
@@ -64,14 +65,16 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
     if looks.is_empty() {
         return Ok(evidence);
     }
-    let places = looks.iter().map(|look| [look.pose.east_m, look.pose.north_m]);
-    let map = LocalMap::around(&context.map, &local_frame, places, MAP_REACH_M);
-    let mut scratch = Vec::new();
-    let cross_cuts: Vec<CrossCut> = looks
+    let places = looks
         .iter()
-        .map(|look| CrossCut::new(look, &map, &mut scratch))
-        .collect();
-    let registrations = register(&looks, &cross_cuts);
+        .map(|look| [look.pose.east_m, look.pose.north_m]);
+    let map = LocalMap::around(&context.map, &local_frame, places, MAP_REACH_M);
+    let (mut cross_cuts, mut registrations) = lay_on_map(&looks, &map);
+    let factor = scale::estimate(&cross_cuts, &registrations);
+    if factor != 1.0 {
+        scale::stretch(&mut looks, factor);
+        (cross_cuts, registrations) = lay_on_map(&looks, &map);
+    }
     let zone = Zone::learn(&looks);
 
     let mut ledger = Ledger::new(chunk.id, &map, &zone);
@@ -91,8 +94,10 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
             matches: &matches,
         };
         ledger.add(&frame);
-        sightings.add(&frame, ways_m[index]);
-        footprints.add(&frame, ways_m[index]);
+        if frame.is_anchored() {
+            sightings.add(&frame, ways_m[index]);
+            footprints.add(&frame, ways_m[index]);
+        }
         evidence.frames += 1;
     }
     evidence.rows = ledger.into_rows();
@@ -107,13 +112,27 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
     Ok(evidence)
 }
 
+/// Lateral positions of all looks, and the error of their poses.
+fn lay_on_map(looks: &[Look], map: &LocalMap<'_>) -> (Vec<CrossCut>, Vec<Registration>) {
+    let mut scratch = Vec::new();
+    let cross_cuts: Vec<CrossCut> = looks
+        .iter()
+        .map(|look| CrossCut::new(look, map, &mut scratch))
+        .collect();
+    let registrations = register(looks, &cross_cuts);
+    (cross_cuts, registrations)
+}
+
 /// Metres of way at each look since the first.
 fn ways_m(looks: &[Look]) -> Vec<f64> {
     let mut way_m = 0.0;
     let mut ways_m = Vec::with_capacity(looks.len());
     for (index, look) in looks.iter().enumerate() {
         if let Some(before) = index.checked_sub(1).map(|before| &looks[before].pose) {
-            let (east, north) = (look.pose.east_m - before.east_m, look.pose.north_m - before.north_m);
+            let (east, north) = (
+                look.pose.east_m - before.east_m,
+                look.pose.north_m - before.north_m,
+            );
             way_m += east.hypot(north);
         }
         ways_m.push(way_m);
@@ -125,7 +144,9 @@ fn ways_m(looks: &[Look]) -> Vec<f64> {
 fn losses(chunk: &Chunk, without_pose_ns: &[i64], without_camera_ns: &[i64]) -> Vec<SetAside> {
     let (from_ns, to_ns) = chunk.bounds_ns();
     let loss = |stamps: &[i64], reason: &str| {
-        let mut own = stamps.iter().filter(|stamp| (from_ns..to_ns).contains(*stamp));
+        let mut own = stamps
+            .iter()
+            .filter(|stamp| (from_ns..to_ns).contains(*stamp));
         let first = *own.next()?;
         let count = 1 + own.count() as u64;
         let loss = SetAside::new(SetAsideKind::Frame, "", reason);

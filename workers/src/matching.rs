@@ -106,8 +106,7 @@ fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidat
     let against = Against::new(seen, mapped)?;
     let residual_m = against.offset_m + offset_m;
     // E[(x + o)^2] = E[x^2] + 2 o E[x] + o^2.
-    let mean_square_m2 =
-        against.mean_square_m2 + offset_m * (2.0 * against.offset_m + offset_m);
+    let mean_square_m2 = against.mean_square_m2 + offset_m * (2.0 * against.offset_m + offset_m);
     (residual_m.abs() <= GATE_M).then_some(Candidate {
         residual_m,
         mean_square_m2: mean_square_m2.max(0.0),
@@ -178,7 +177,9 @@ mod tests {
     fn frame(seen: &[f64], mapped: &[f64]) -> CrossCut {
         let lines = |laterals: &[f64]| {
             let lines = laterals.iter().enumerate();
-            lines.map(|(index, &lateral)| line(index, lateral)).collect()
+            lines
+                .map(|(index, &lateral)| line(index, lateral))
+                .collect()
         };
         CrossCut {
             seen: lines(seen),

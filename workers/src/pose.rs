@@ -143,7 +143,9 @@ impl Trajectory {
         let after = self.yaws.partition_point(|&(at, _)| at < stamp_ns);
         let (after_ns, after_yaw) = *self.yaws.get(after).or_else(|| self.yaws.last())?;
         let (before_ns, before_yaw) = self.yaws[after.saturating_sub(1)];
-        let nearest_ns = (after_ns - stamp_ns).abs().min((stamp_ns - before_ns).abs());
+        let nearest_ns = (after_ns - stamp_ns)
+            .abs()
+            .min((stamp_ns - before_ns).abs());
         if nearest_ns > MAX_YAW_GAP_NS {
             return None;
         }
@@ -205,7 +207,10 @@ impl Fixes {
             set_aside: 0,
         };
         for fix in series {
-            let is_new = fixes.stamps_ns.last().is_none_or(|&last| fix.stamp_ns > last);
+            let is_new = fixes
+                .stamps_ns
+                .last()
+                .is_none_or(|&last| fix.stamp_ns > last);
             if !fix.value.has_fix || !is_new {
                 fixes.set_aside += 1;
                 continue;
@@ -290,7 +295,11 @@ fn smooth_once(fixes: &Fixes, weights: &[f64]) -> Option<Vec<[f64; 2]>> {
         let (h1, h2) = (seconds(i - 2, i - 1), seconds(i - 1, i));
         let span = 0.5 * (h1 + h2);
         // Acceleration = (slope2 - slope1) / span.
-        let row = [1.0 / (h1 * span), -(1.0 / h1 + 1.0 / h2) / span, 1.0 / (h2 * span)];
+        let row = [
+            1.0 / (h1 * span),
+            -(1.0 / h1 + 1.0 / h2) / span,
+            1.0 / (h2 * span),
+        ];
         normal.add_row(i, row, span / ACCELERATION_PSD);
     }
     let factor = normal.factorise()?;
@@ -331,7 +340,11 @@ fn push_unwrapped(yaws: &mut Vec<(i64, f64)>, stamp_ns: i64, yaw: f64) {
         Some(&(last_ns, _)) if last_ns >= stamp_ns => return,
         Some(&(_, last)) => {
             let turn = (yaw - last).rem_euclid(std::f64::consts::TAU);
-            let turn = if turn > std::f64::consts::PI { turn - std::f64::consts::TAU } else { turn };
+            let turn = if turn > std::f64::consts::PI {
+                turn - std::f64::consts::TAU
+            } else {
+                turn
+            };
             last + turn
         }
         None => yaw,

@@ -10,6 +10,7 @@
 
 use crate::cuts::{Against, CrossCut};
 use crate::look::Look;
+use crate::visibility::line_sigma_m;
 
 /// Largest lateral error that is considered, in metres.
 const REACH_M: f64 = 5.0;
@@ -19,8 +20,8 @@ const STEP_M: f64 = 0.1;
 const STATES: usize = 101;
 /// Length of a step of the chain.
 const STEP_NS: i64 = 500_000_000;
-/// Lateral noise of a seen line against its map line, in metres.
-const LINE_SIGMA_M: f64 = 0.2;
+/// Clutter lies anywhere over this width, in metres.
+const CLUTTER_WIDTH_M: f64 = 10.0;
 /// Share of seen lines that belong to no map line (clutter, edits).
 const OUTLIERS: f64 = 0.15;
 /// Log-likelihood of a map line beside the vehicle that is not seen.
@@ -116,17 +117,20 @@ fn votes(looks: &[Look], cross_cuts: &[CrossCut]) -> Offsets {
 fn vote(cross_cut: &CrossCut, sum: &mut Offsets) {
     for seen in &cross_cut.seen {
         let mut best = [0.0_f64; STATES];
+        let sigma_m = line_sigma_m(seen.lateral_m());
+        let height = 1.0 / (sigma_m * std::f64::consts::TAU.sqrt());
         for mapped in &cross_cut.mapped {
             let Some(against) = Against::new(seen, mapped) else {
                 continue;
             };
-            for (state, best) in near(-against.offset_m, 4.0 * LINE_SIGMA_M, &mut best) {
-                let z = (offset_m(state) + against.offset_m) / LINE_SIGMA_M;
-                *best = best.max((-0.5 * z * z).exp());
+            for (state, best) in near(-against.offset_m, 4.0 * sigma_m, &mut best) {
+                let z = (offset_m(state) + against.offset_m) / sigma_m;
+                *best = best.max(height * (-0.5 * z * z).exp());
             }
         }
+        let clutter = OUTLIERS / CLUTTER_WIDTH_M;
         for (sum, best) in sum.iter_mut().zip(best) {
-            *sum += (OUTLIERS + (1.0 - OUTLIERS) * best).ln();
+            *sum += (1.0 + (1.0 - OUTLIERS) * best / clutter).ln();
         }
     }
     if !cross_cut.seen.is_empty() {
@@ -173,7 +177,10 @@ fn near(
 
 /// Posterior of the offset at each step, given all steps.
 fn forward_backward(steps: &[Step]) -> Vec<Offsets> {
-    let likelihoods: Vec<Offsets> = steps.iter().map(|step| scaled(&step.log_likelihood)).collect();
+    let likelihoods: Vec<Offsets> = steps
+        .iter()
+        .map(|step| scaled(&step.log_likelihood))
+        .collect();
     let size = steps.len();
     let mut forward = Vec::with_capacity(size);
     let mut belief = prior(1.0);
@@ -265,7 +272,10 @@ fn peak(posterior: &Offsets) -> Registration {
         .unwrap_or(STATES / 2);
     let confidence = mass(best);
     let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
-        window(best).map(|state| posterior[state] * value(state)).sum::<f64>() / confidence
+        window(best)
+            .map(|state| posterior[state] * value(state))
+            .sum::<f64>()
+            / confidence
     };
     let offset = mean(&offset_m);
     let variance = mean(&|state| (offset_m(state) - offset).powi(2));

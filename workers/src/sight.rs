@@ -83,7 +83,7 @@ impl Sightings {
     fn add_line(&mut self, frame: &Frame<'_>, seen: &CutLine, way_m: f64) {
         let points: Vec<Seen> = points(frame, seen, way_m);
         let visibility = side_visibility(seen.lateral_m()) * frame.registration.confidence;
-        if visibility <= 0.0 {
+        if visibility <= 0.0 || points.is_empty() {
             return;
         }
         let nearest = (0..self.open.len())
@@ -105,8 +105,16 @@ impl Sightings {
 
     fn close_behind(&mut self, way_m: f64) {
         let limit = ((way_m + RANGES_M[0] - TRACK_GAP_M) / BIN_M).floor() as i64;
-        let is_open = |track: &Track| track.bins.keys().next_back().is_some_and(|&bin| bin >= limit);
-        let (open, closed) = std::mem::take(&mut self.open).into_iter().partition(is_open);
+        let is_open = |track: &Track| {
+            track
+                .bins
+                .keys()
+                .next_back()
+                .is_some_and(|&bin| bin >= limit)
+        };
+        let (open, closed) = std::mem::take(&mut self.open)
+            .into_iter()
+            .partition(is_open);
         self.open = open;
         self.closed.extend::<Vec<Track>>(closed);
     }
@@ -141,9 +149,21 @@ fn is_double(frame: &Frame<'_>, seen: &CutLine) -> bool {
     })
 }
 
+/// Places of a seen line, at the ranges at which the map has a line that was seen too.
 fn points(frame: &Frame<'_>, seen: &CutLine, way_m: f64) -> Vec<Seen> {
+    let is_mapped = |range: usize| {
+        let matched = frame
+            .matches
+            .pairs
+            .iter()
+            .map(|pair| &frame.cross_cut.mapped[pair.mapped]);
+        matched
+            .flat_map(|line| &line.cuts)
+            .any(|cut| cut.range == range)
+    };
     seen.cuts
         .iter()
+        .filter(|cut| is_mapped(cut.range))
         .map(|cut| {
             let range_m = RANGES_M[cut.range];
             let corrected = [range_m, cut.lateral_m + frame.registration.offset_m];
@@ -155,7 +175,12 @@ fn points(frame: &Frame<'_>, seen: &CutLine, way_m: f64) -> Vec<Seen> {
 
 /// Mean distance between a track and points in common bins; none without common bins nearby.
 fn distance_m(track: &Track, points: &[Seen]) -> Option<f64> {
-    let near = |bin: i64| track.bins.range(bin - 1..=bin + 1).map(|(_, bin)| bin.mean());
+    let near = |bin: i64| {
+        track
+            .bins
+            .range(bin - 1..=bin + 1)
+            .map(|(_, bin)| bin.mean())
+    };
     let across: Vec<f64> = points
         .iter()
         .filter_map(|&(bin, point)| {
@@ -184,7 +209,14 @@ impl Track {
         }
     }
 
-    fn add(&mut self, points: &[Seen], stamp_ns: i64, visibility: f64, marking: usize, lambda: f64) {
+    fn add(
+        &mut self,
+        points: &[Seen],
+        stamp_ns: i64,
+        visibility: f64,
+        marking: usize,
+        lambda: f64,
+    ) {
         for &(bin, [east_m, north_m]) in points {
             let bin = self.bins.entry(bin).or_default();
             bin.points += 1.0;

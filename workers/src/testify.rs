@@ -38,6 +38,16 @@ pub struct Frame<'a> {
     pub matches: &'a Matches,
 }
 
+impl Frame<'_> {
+    /// Whether a map line was seen in its place: only beside paint that the map has can anything
+    /// be said of paint that it lacks. Where the map ends, nothing is missing from it.
+    #[must_use]
+    pub fn is_anchored(&self) -> bool {
+        let mut pairs = self.matches.pairs.iter();
+        pairs.any(|pair| pair.residual_m.abs() <= IN_PLACE_M && !pair.is_ambiguous)
+    }
+}
+
 /// Collects the ledger rows of one chunk.
 #[derive(Debug)]
 pub struct Ledger<'a> {
@@ -179,7 +189,15 @@ fn paper_sums(row: &mut EvidenceRow, visibility: f64, matched: Option<&Match>) {
     row.sum_w_fx += weight(1.0);
 }
 
-fn hit(Row { row, local, station_m }: Row<'_>, frame: &Frame<'_>, pair: &Match) {
+fn hit(
+    Row {
+        row,
+        local,
+        station_m,
+    }: Row<'_>,
+    frame: &Frame<'_>,
+    pair: &Match,
+) {
     row.hit += 1;
     let seen = &frame.look.lines[frame.cross_cut.seen[pair.seen].line];
     row.seen[seen.marking.code() as usize] += 1;

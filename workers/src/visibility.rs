@@ -4,9 +4,13 @@ use crate::cuts::{CutLine, RANGES_M};
 use crate::look::Look;
 
 /// A line this near to the vehicle's axis is seen as well as any, in metres.
-const NEAR_SIDE_M: f64 = 2.4;
-/// A line this far to the side is not seen at all, in metres.
-const FAR_SIDE_M: f64 = 6.5;
+const NEAR_SIDE_M: f64 = 2.6;
+/// A line this far to the side says nothing, in metres: it is seen now and then, but its place is
+/// uncertain by half a metre and more.
+const FAR_SIDE_M: f64 = 4.2;
+/// Lateral noise of a line beside the vehicle, in metres, and its growth beyond the near side.
+const NEAR_SIGMA_M: f64 = 0.15;
+const SIGMA_GROWTH: f64 = 0.2;
 /// A range belongs to the zone if it has at least this share of the sightings of the best range.
 const ZONE_SHARE: f64 = 0.5;
 
@@ -62,4 +66,11 @@ pub fn side_visibility(lateral_m: f64) -> f64 {
 #[must_use]
 pub fn side_reach_m() -> f64 {
     FAR_SIDE_M
+}
+
+/// Lateral noise of a seen line, in metres: on flat-ground projection an error of pitch or height
+/// moves a line in proportion to its distance to the side.
+#[must_use]
+pub fn line_sigma_m(lateral_m: f64) -> f64 {
+    NEAR_SIGMA_M + SIGMA_GROWTH * (lateral_m.abs() - NEAR_SIDE_M).max(0.0)
 }

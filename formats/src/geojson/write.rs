@@ -61,6 +61,7 @@ fn properties(record: &ChangeRecord, verdict: Verdict, kind: ElementKind) -> Map
         ("vehicles", record.vehicles.into()),
         ("passes", record.passes.into()),
         ("exposed", record.exposed.into()),
+        ("hit", record.hit.into()),
         ("first_seen", utc(record.first_ns).into()),
         ("last_seen", utc(record.last_ns).into()),
         ("shift_m", record.shift_m.into()),

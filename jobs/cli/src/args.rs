@@ -12,7 +12,7 @@ use tilefold_engine::FusionModel;
 /// something was set aside (listed by name, file, offset and reason).
 #[derive(Debug, Parser)]
 #[command(name = "tilefold", version, max_term_width = 100)]
-pub struct Args {
+pub(crate) struct Args {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
@@ -29,7 +29,7 @@ pub struct Args {
 
 /// Form of the result on standard output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum Format {
+pub(crate) enum Format {
     /// Tables for people.
     #[default]
     Text,
@@ -41,7 +41,7 @@ pub enum Format {
 
 /// Form of progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum ProgressForm {
+pub(crate) enum ProgressForm {
     /// Bars on a terminal, nothing elsewhere.
     #[default]
     Auto,
@@ -53,7 +53,7 @@ pub enum ProgressForm {
 
 /// Name of a fusion model on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum ModelName {
+pub(crate) enum ModelName {
     /// The equations of Zhang et al. (2025) as printed.
     Paper,
     /// Likelihood ratios of a detection model.
@@ -72,7 +72,7 @@ impl From<ModelName> for FusionModel {
 
 /// What to do.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub(crate) enum Command {
     /// Makes a small city with known changes, drives through it, runs the job and scores it.
     Demo {
         /// Folder for the city and its store; made anew.
@@ -180,7 +180,7 @@ pub enum Command {
 
 /// A secret of 32 bytes; not printed.
 #[derive(Clone, Copy)]
-pub struct Salt(pub [u8; 32]);
+pub(crate) struct Salt(pub [u8; 32]);
 
 impl std::fmt::Debug for Salt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -189,7 +189,10 @@ impl std::fmt::Debug for Salt {
 }
 
 fn salt(text: &str) -> Result<Salt, String> {
-    let digits: Vec<u32> = text.chars().filter_map(|digit| digit.to_digit(16)).collect();
+    let digits: Vec<u32> = text
+        .chars()
+        .filter_map(|digit| digit.to_digit(16))
+        .collect();
     if digits.len() != 64 || text.len() != 64 {
         return Err(format!(
             "it has {} characters; give 64 hexadecimal digits, e.g. from `openssl rand -hex 32`",

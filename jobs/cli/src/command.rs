@@ -24,7 +24,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 ///
 /// # Errors
 /// It failed; nothing has changed.
-pub fn dispatch(args: &Args) -> Result<Outcome> {
+pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
     if args.format == Format::Geojson && !matches!(args.command, Command::Export { .. }) {
         return Err("--format geojson is for `export`; this command prints text or json".into());
     }
@@ -42,8 +42,15 @@ pub fn dispatch(args: &Args) -> Result<Outcome> {
             };
             init_store(args, store, map, &options)
         }
-        Command::Run { store: _, logs, plan: true, .. } => plan_logs(args, logs),
-        Command::Run { store, logs, model, .. } => run_logs(args, store, logs, (*model).into()),
+        Command::Run {
+            store: _,
+            logs,
+            plan: true,
+            ..
+        } => plan_logs(args, logs),
+        Command::Run {
+            store, logs, model, ..
+        } => run_logs(args, store, logs, (*model).into()),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
         Command::Verify { store, version } => verify(args, store, *version),
@@ -66,7 +73,14 @@ pub fn dispatch(args: &Args) -> Result<Outcome> {
                 threshold: *threshold,
                 min_vehicles: *min_vehicles,
             };
-            score(args, store, truth.as_deref(), *version, (*model).into(), criteria)
+            score(
+                args,
+                store,
+                truth.as_deref(),
+                *version,
+                (*model).into(),
+                criteria,
+            )
         }
         Command::Completions { shell } => {
             let mut command = Args::command();
@@ -84,7 +98,12 @@ fn open(store: &Path, version: Option<i64>) -> Result<Snapshot> {
 ///
 /// # Errors
 /// As [`tilefold_engine::init()`].
-pub fn init_store(args: &Args, store: &Path, maps: &[PathBuf], options: &InitOptions) -> Result<Outcome> {
+pub(crate) fn init_store(
+    args: &Args,
+    store: &Path,
+    maps: &[PathBuf],
+    options: &InitOptions,
+) -> Result<Outcome> {
     let report = init(store, maps, options)?;
     print(args, &report, |report| {
         format!(
@@ -117,7 +136,12 @@ fn plan_logs(args: &Args, logs: &[PathBuf]) -> Result<Outcome> {
 ///
 /// # Errors
 /// As [`tilefold_engine::run()`].
-pub fn run_logs(args: &Args, store: &Path, logs: &[PathBuf], model: FusionModel) -> Result<Outcome> {
+pub(crate) fn run_logs(
+    args: &Args,
+    store: &Path,
+    logs: &[PathBuf],
+    model: FusionModel,
+) -> Result<Outcome> {
     let progress = progress::listener(args.progress);
     let report = run(store, logs, model, progress.as_ref())?;
     print(args, &report, table::run)?;
@@ -161,8 +185,9 @@ fn log(args: &Args, store: &Path) -> Result<Outcome> {
 }
 
 fn utc(timestamp_ms: i64) -> String {
-    chrono::DateTime::from_timestamp_millis(timestamp_ms)
-        .map_or_else(String::new, |time| time.format("%Y-%m-%d %H:%M:%S").to_string())
+    chrono::DateTime::from_timestamp_millis(timestamp_ms).map_or_else(String::new, |time| {
+        time.format("%Y-%m-%d %H:%M:%S").to_string()
+    })
 }
 
 #[derive(Serialize)]
@@ -206,15 +231,33 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
     };
     print(args, &summary, |summary| {
         let tiles = table::rows(
-            &["tile", "no change", "added", "removed", "modified", "unknown", "digest"],
+            &[
+                "tile",
+                "no change",
+                "added",
+                "removed",
+                "modified",
+                "unknown",
+                "digest",
+            ],
             summary.tiles.iter().map(|tile| {
-                let counts = [tile.tile, tile.no_change, tile.added, tile.removed, tile.modified, tile.unknown];
+                let counts = [
+                    tile.tile,
+                    tile.no_change,
+                    tile.added,
+                    tile.removed,
+                    tile.modified,
+                    tile.unknown,
+                ];
                 let mut row: Vec<String> = counts.iter().map(i32::to_string).collect();
                 row.push(tile.digest.chars().take(12).collect());
                 row
             }),
         );
-        format!("version {} ({})\n\n{tiles}", summary.version, summary.operation)
+        format!(
+            "version {} ({})\n\n{tiles}",
+            summary.version, summary.operation
+        )
     })?;
     Ok(Outcome::Done)
 }
@@ -230,7 +273,8 @@ fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
     let snapshot = open(store, version)?;
     let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
     let changes: Vec<ChangeRecord> = snapshot.read(TileFilter::All)?;
-    let mut by_tile: std::collections::BTreeMap<i32, Vec<ChangeRecord>> = std::collections::BTreeMap::new();
+    let mut by_tile: std::collections::BTreeMap<i32, Vec<ChangeRecord>> =
+        std::collections::BTreeMap::new();
     for change in changes {
         by_tile.entry(change.tile).or_default().push(change);
     }
@@ -239,7 +283,10 @@ fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
         let digest = digest_rows(by_tile.remove(&header.tile).unwrap_or_default())?;
         if digest != header.digest {
             ok = false;
-            eprintln!("tile {} differs: its header says {}, its records are {digest}", header.tile, header.digest);
+            eprintln!(
+                "tile {} differs: its header says {}, its records are {digest}",
+                header.tile, header.digest
+            );
         }
     }
     if let Some(tile) = by_tile.keys().next() {
@@ -252,7 +299,12 @@ fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
         ok,
     };
     print(args, &verification, |v| {
-        format!("version {}: {} {}", v.version, if v.ok { "ok" } else { "DIFFERS" }, v.digest)
+        format!(
+            "version {}: {} {}",
+            v.version,
+            if v.ok { "ok" } else { "DIFFERS" },
+            v.digest
+        )
     })?;
     Ok(if ok { Outcome::Done } else { Outcome::Differs })
 }
@@ -265,14 +317,16 @@ fn export(
     all: bool,
 ) -> Result<Outcome> {
     let mut records: Vec<ChangeRecord> = open(store, version)?.read(TileFilter::All)?;
-    let posterior = |record: &ChangeRecord| record.p_added.max(record.p_removed).max(record.p_modified);
+    let posterior =
+        |record: &ChangeRecord| record.p_added.max(record.p_removed).max(record.p_modified);
     records.retain(|record| {
         let is_change = Verdict::from_code(record.verdict).is_some_and(Verdict::is_change);
         all || (is_change && posterior(record) >= threshold)
     });
     match out {
         Some(path) => {
-            let file = File::create(path).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+            let file = File::create(path)
+                .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
             let mut writer = BufWriter::new(file);
             write_changes(&records, &mut writer)?;
             writer.flush()?;
@@ -287,7 +341,7 @@ fn export(
 ///
 /// # Errors
 /// The store or the truth cannot be read.
-pub fn score(
+pub(crate) fn score(
     args: &Args,
     store: &Path,
     truth: Option<&Path>,
@@ -296,7 +350,10 @@ pub fn score(
     criteria: Criteria,
 ) -> Result<Outcome> {
     let snapshot = open(store, version)?;
-    let truth = truth.map(read_changes_file).transpose()?.unwrap_or_default();
+    let truth = truth
+        .map(read_changes_file)
+        .transpose()?
+        .unwrap_or_default();
     let evaluation = evaluate(&records(&snapshot, model)?, &truth, model, criteria);
     print(args, &evaluation, table::evaluation)?;
     Ok(Outcome::Done)

@@ -14,20 +14,36 @@ use crate::report::Outcome;
 ///
 /// # Errors
 /// The folder cannot be written, or a step failed.
-pub fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dyn Error>> {
-    let spec = CitySpec { seed, ..CitySpec::default() };
+pub(crate) fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dyn Error>> {
+    let spec = CitySpec {
+        seed,
+        ..CitySpec::default()
+    };
     let store = out.join("store");
     if store.exists() {
         std::fs::remove_dir_all(&store)?;
     }
     eprintln!("making a city (seed {seed}) in {}", out.display());
     let city = tilefold_city::write(&spec, out)?;
-    let options = InitOptions { tile_level: 15, salt: None };
+    let options = InitOptions {
+        tile_level: 15,
+        salt: None,
+    };
     init_store(args, &store, &[city.before_map], &options)?;
     let outcome = run_logs(args, &store, &city.logs, FusionModel::Calibrated)?;
     for model in [FusionModel::Paper, FusionModel::Calibrated] {
-        score(args, &store, Some(&city.truth), None, model, Criteria::default())?;
+        score(
+            args,
+            &store,
+            Some(&city.truth),
+            None,
+            model,
+            Criteria::default(),
+        )?;
     }
-    eprintln!("the store is {}; try `tilefold show` and `tilefold export --format geojson` on it", store.display());
+    eprintln!(
+        "the store is {}; try `tilefold show` and `tilefold export --format geojson` on it",
+        store.display()
+    );
     Ok(outcome)
 }

@@ -21,7 +21,9 @@ const EXIT_DIFFERS: u8 = 4;
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads)
+        .build_global();
     if let Err(error) = pool {
         eprintln!("error: cannot start {} threads: {error}", args.threads);
         return ExitCode::FAILURE;

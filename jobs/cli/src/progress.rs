@@ -12,7 +12,7 @@ use crate::args::ProgressForm;
 
 /// The listener that the flags and the terminal ask for.
 #[must_use]
-pub fn listener(form: ProgressForm) -> Box<dyn Progress> {
+pub(crate) fn listener(form: ProgressForm) -> Box<dyn Progress> {
     match form {
         ProgressForm::Json => Box::new(Lines::default()),
         ProgressForm::Auto if std::io::stderr().is_terminal() => Box::new(Bars::default()),

@@ -11,7 +11,7 @@ use crate::args::{Args, Format};
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
+pub(crate) enum Outcome {
     /// Done.
     Done,
     /// Done, but something was set aside.
@@ -23,8 +23,12 @@ pub enum Outcome {
 impl Outcome {
     /// Done; with losses if there are any.
     #[must_use]
-    pub fn with(set_aside: &[SetAside]) -> Self {
-        if set_aside.is_empty() { Self::Done } else { Self::SetAside }
+    pub(crate) fn with(set_aside: &[SetAside]) -> Self {
+        if set_aside.is_empty() {
+            Self::Done
+        } else {
+            Self::SetAside
+        }
     }
 }
 
@@ -32,7 +36,7 @@ impl Outcome {
 ///
 /// # Errors
 /// Standard output is closed.
-pub fn print<T: Serialize>(
+pub(crate) fn print<T: Serialize>(
     args: &Args,
     value: &T,
     words: impl FnOnce(&T) -> String,
@@ -47,7 +51,7 @@ pub fn print<T: Serialize>(
 }
 
 /// Lists what was set aside, on standard error.
-pub fn print_set_aside(set_aside: &[SetAside]) {
+pub(crate) fn print_set_aside(set_aside: &[SetAside]) {
     if set_aside.is_empty() {
         return;
     }
@@ -68,7 +72,7 @@ pub fn print_set_aside(set_aside: &[SetAside]) {
 }
 
 /// Prints an error with its causes.
-pub fn print_error(args: &Args, error: &dyn Error) {
+pub(crate) fn print_error(args: &Args, error: &dyn Error) {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {

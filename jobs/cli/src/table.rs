@@ -1,12 +1,14 @@
 //! Tables for people.
 
-use comfy_table::{Cell, CellAlignment, Table, style::presets};
+use comfy_table::{Cell, CellAlignment, Table, TableStyle};
 use tilefold_engine::evaluate::{Evaluation, Score};
 use tilefold_engine::{RunReport, StageReport};
 
 fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
-    table.load_style(presets::NOTHING).set_header(header.to_vec());
+    table
+        .load_style(TableStyle::new())
+        .set_header(header.to_vec());
     table
 }
 
@@ -16,7 +18,7 @@ fn right(text: impl ToString) -> Cell {
 
 /// Rows of texts under a header.
 #[must_use]
-pub fn rows(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+pub(crate) fn rows(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let mut table = table(header);
     for row in rows {
         table.add_row(row);
@@ -26,8 +28,16 @@ pub fn rows(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Str
 
 /// The stages of a job.
 #[must_use]
-pub fn stages(stages: &[StageReport]) -> String {
-    let mut table = table(&["stage", "done", "", "MB", "busy s", "per busy s", "MB per busy s"]);
+pub(crate) fn stages(stages: &[StageReport]) -> String {
+    let mut table = table(&[
+        "stage",
+        "done",
+        "",
+        "MB",
+        "busy s",
+        "per busy s",
+        "MB per busy s",
+    ]);
     for stage in stages {
         table.add_row([
             Cell::new(stage.stage),
@@ -44,8 +54,12 @@ pub fn stages(stages: &[StageReport]) -> String {
 
 /// The end of a run.
 #[must_use]
-pub fn run(report: &RunReport) -> String {
-    let what = if report.is_new_version { "committed" } else { "nothing new; still at" };
+pub(crate) fn run(report: &RunReport) -> String {
+    let what = if report.is_new_version {
+        "committed"
+    } else {
+        "nothing new; still at"
+    };
     format!(
         "{}\n\n{what} version {}: {} logs of {} vehicles, {} chunks mapped, {} known already, {} copies of messages ignored, {} tiles reduced, {:.1} s",
         stages(&report.stages),
@@ -66,8 +80,16 @@ fn share(value: Option<f64>) -> Cell {
 
 /// An evaluation.
 #[must_use]
-pub fn evaluation(evaluation: &Evaluation) -> String {
-    let mut scores = table(&["change", "true", "claimed", "right", "precision", "recall", "F1"]);
+pub(crate) fn evaluation(evaluation: &Evaluation) -> String {
+    let mut scores = table(&[
+        "change",
+        "true",
+        "claimed",
+        "right",
+        "precision",
+        "recall",
+        "F1",
+    ]);
     let mut add = |name: &str, score: &Score| {
         scores.add_row([
             Cell::new(name),
@@ -83,15 +105,22 @@ pub fn evaluation(evaluation: &Evaluation) -> String {
         add(name, score);
     }
     add("all", &evaluation.change.all);
-    let others = evaluation.outcomes.iter().filter(|outcome| outcome.outcome != "right");
+    let others = evaluation
+        .outcomes
+        .iter()
+        .filter(|outcome| outcome.outcome != "right");
     let others = rows(
         &["", "change", "element", "posterior", "vehicles", "said"],
         others.map(|outcome| {
             vec![
                 outcome.outcome.to_owned(),
                 outcome.change_type.to_owned(),
-                outcome.element_id.map_or("-".to_owned(), |id| id.to_string()),
-                outcome.posterior.map_or("-".to_owned(), |p| format!("{p:.3}")),
+                outcome
+                    .element_id
+                    .map_or("-".to_owned(), |id| id.to_string()),
+                outcome
+                    .posterior
+                    .map_or("-".to_owned(), |p| format!("{p:.3}")),
                 outcome.vehicles.map_or("-".to_owned(), |v| v.to_string()),
                 outcome.said.clone().unwrap_or_default(),
             ]
@@ -104,7 +133,13 @@ pub fn evaluation(evaluation: &Evaluation) -> String {
         evaluation.min_vehicles,
         evaluation.control.judged,
         evaluation.control.claimed,
-        evaluation.calibration.ece.map_or("-".to_owned(), |v| format!("{v:.3}")),
-        evaluation.calibration.brier.map_or("-".to_owned(), |v| format!("{v:.3}")),
+        evaluation
+            .calibration
+            .ece
+            .map_or("-".to_owned(), |v| format!("{v:.3}")),
+        evaluation
+            .calibration
+            .brier
+            .map_or("-".to_owned(), |v| format!("{v:.3}")),
     )
 }

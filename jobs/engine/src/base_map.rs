@@ -5,9 +5,7 @@ use std::path::PathBuf;
 
 use tilefold_formats::map;
 use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{
-    Color, Element, ElementId, ElementKind, Marking, SetAside, SignClass, wkb,
-};
+use tilefold_schemas::{Color, Element, ElementId, ElementKind, Marking, SetAside, SignClass, wkb};
 use tilefold_tiler::map_index::{MappedElement, bounds};
 
 use crate::error::EngineError;
@@ -55,8 +53,10 @@ fn file_name(file: &std::path::Path) -> String {
 
 fn to_row(element: Element, tile_level: u32, source: &str) -> Result<ElementRow, EngineError> {
     let id = element.id.0;
-    let mapped = MappedElement::new(element, tile_level)
-        .map_err(|source| EngineError::Tile { element: id, source })?;
+    let mapped = MappedElement::new(element, tile_level).map_err(|source| EngineError::Tile {
+        element: id,
+        source,
+    })?;
     let element = mapped.element;
     let (low, high) = bounds(&element.points);
     let geometry = match element.kind {
@@ -102,10 +102,12 @@ pub(crate) fn from_row(row: ElementRow, tile_level: u32) -> Result<MappedElement
         points: geometry.points,
         tags: serde_json::from_str(&row.tags).map_err(|error| damaged(error.to_string()))?,
     };
-    let mapped = MappedElement::new(element, tile_level)
-        .map_err(|error| damaged(error.to_string()))?;
+    let mapped =
+        MappedElement::new(element, tile_level).map_err(|error| damaged(error.to_string()))?;
     if mapped.content.0 != row.content || mapped.tile.0 != row.tile {
-        return Err(damaged("its content hash or tile does not fit it".to_owned()));
+        return Err(damaged(
+            "its content hash or tile does not fit it".to_owned(),
+        ));
     }
     Ok(mapped)
 }

@@ -163,8 +163,10 @@ pub fn evaluate(
     model: FusionModel,
     criteria: Criteria,
 ) -> Evaluation {
-    let mut claims: Vec<&ChangeRecord> =
-        records.iter().filter(|record| is_claimed(record, criteria)).collect();
+    let mut claims: Vec<&ChangeRecord> = records
+        .iter()
+        .filter(|record| is_claimed(record, criteria))
+        .collect();
     // The surest claim finds a change first.
     claims.sort_by(|a, b| {
         let sure = |record: &ChangeRecord| claim(record).map_or(0.0, |(_, posterior)| posterior);
@@ -176,7 +178,10 @@ pub fn evaluate(
         let claimed = |index: &usize| claims[*index].verdict == verdict.code();
         let of_type: Vec<usize> = (0..claims.len()).filter(claimed).collect();
         let score = score(
-            truth.iter().filter(|change| change.change_type == verdict).count(),
+            truth
+                .iter()
+                .filter(|change| change.change_type == verdict)
+                .count(),
             of_type.len(),
             of_type.iter().filter(|&&index| right(index)).count(),
         );
@@ -250,10 +255,18 @@ fn overlap_of_stations(claim: &ChangeRecord, change: &TruthChange) -> f64 {
     let from = change.from_m.unwrap_or(0.0);
     let to = change
         .to_m
-        .or_else(|| Polyline::of_element(&change.points).ok().map(|(_, line)| line.length_m()))
+        .or_else(|| {
+            Polyline::of_element(&change.points)
+                .ok()
+                .map(|(_, line)| line.length_m())
+        })
         .unwrap_or(claim.to_m);
     let common = claim.to_m.min(to) - claim.from_m.max(from);
-    if to > from { (common / (to - from)).max(0.0) } else { 1.0 }
+    if to > from {
+        (common / (to - from)).max(0.0)
+    } else {
+        1.0
+    }
 }
 
 /// Distances of places along `line` from `other`, in metres; none if either is no line.
@@ -261,26 +274,35 @@ fn distances_m(line: &[[f64; 3]], other: &[[f64; 3]]) -> Option<Vec<f64>> {
     let anchor = *line.first()?;
     let frame = LocalFrame::new([anchor[0], anchor[1], 0.0]);
     let plane = |points: &[[f64; 3]]| {
-        let flat = points.iter().map(|&[lon, lat, _]| frame.to_enu([lon, lat, 0.0]));
+        let flat = points
+            .iter()
+            .map(|&[lon, lat, _]| frame.to_enu([lon, lat, 0.0]));
         Polyline::new(flat.collect::<Vec<_>>()).ok()
     };
     let (line, other) = (plane(line)?, plane(other)?);
     let step_m = line.length_m() / SAMPLES as f64;
     let places = (0..SAMPLES).map(|i| line.at((i as f64 + 0.5) * step_m).point);
-    Some(places.map(|[east, north, _]| other.project([east, north]).distance_m).collect())
+    Some(
+        places
+            .map(|[east, north, _]| other.project([east, north]).distance_m)
+            .collect(),
+    )
 }
 
 fn covered_share(truth: &[[f64; 3]], claim: &[[f64; 3]]) -> f64 {
     distances_m(truth, claim).map_or(0.0, |distances| {
-        let near = distances.iter().filter(|distance| **distance <= NEAR_M).count();
+        let near = distances
+            .iter()
+            .filter(|distance| **distance <= NEAR_M)
+            .count();
         near as f64 / distances.len() as f64
     })
 }
 
 fn is_true_of(element: i64, truth: &[TruthChange]) -> bool {
-    truth.iter().any(|change| {
-        change.element_id == Some(element) && change.change_type != Verdict::Added
-    })
+    truth
+        .iter()
+        .any(|change| change.element_id == Some(element) && change.change_type != Verdict::Added)
 }
 
 /// P(change) of every judged element with whether it changed.
@@ -291,7 +313,9 @@ fn judged<'a>(
 ) -> BTreeMap<i64, (f64, bool, bool)> {
     let mut elements: BTreeMap<i64, (f64, bool, bool)> = BTreeMap::new();
     for record in records {
-        let Some(element) = record.element else { continue };
+        let Some(element) = record.element else {
+            continue;
+        };
         if record.vehicles < criteria.min_vehicles {
             continue;
         }
@@ -313,15 +337,14 @@ fn control(records: &[ChangeRecord], truth: &[TruthChange], criteria: Criteria) 
     }
 }
 
-fn calibration(
-    records: &[ChangeRecord],
-    truth: &[TruthChange],
-    criteria: Criteria,
-) -> Calibration {
+fn calibration(records: &[ChangeRecord], truth: &[TruthChange], criteria: Criteria) -> Calibration {
     let judged = judged(records, truth, criteria);
     let count = judged.len() as f64;
     if judged.is_empty() {
-        return Calibration { ece: None, brier: None };
+        return Calibration {
+            ece: None,
+            brier: None,
+        };
     }
     let mut bins = [(0.0, 0.0, 0.0); BINS];
     let mut brier = 0.0;
@@ -331,7 +354,10 @@ fn calibration(
         *bin = (bin.0 + 1.0, bin.1 + p, bin.2 + label);
         brier += (p - label) * (p - label) / count;
     }
-    let ece = bins.iter().map(|(_, p, label)| (p - label).abs() / count).sum();
+    let ece = bins
+        .iter()
+        .map(|(_, p, label)| (p - label).abs() / count)
+        .sum();
     Calibration {
         ece: Some(ece),
         brier: Some(brier),
@@ -355,7 +381,11 @@ fn geometry(
         .filter(|distance| *distance <= NEAR_M)
         .collect();
     errors.sort_by(f64::total_cmp);
-    let quantile = |q: f64| errors.get(((errors.len() as f64 * q) as usize).min(errors.len().saturating_sub(1))).copied();
+    let quantile = |q: f64| {
+        errors
+            .get(((errors.len() as f64 * q) as usize).min(errors.len().saturating_sub(1)))
+            .copied()
+    };
     GeometryErrors {
         added_lateral_median_m: quantile(0.5),
         added_lateral_p95_m: quantile(0.95),
@@ -371,7 +401,10 @@ fn outcomes(
     let claimed = claims.iter().enumerate().map(|(index, record)| {
         let (verdict, posterior) = claim(record).unwrap_or((Verdict::Unknown, 0.0));
         let is_right = found.iter().any(|&(claim, _)| claim == index);
-        let geometry = record.geometry_new.as_ref().or(record.geometry_old.as_ref());
+        let geometry = record
+            .geometry_new
+            .as_ref()
+            .or(record.geometry_old.as_ref());
         Outcome {
             outcome: if is_right { "right" } else { "wrong" },
             change_type: verdict.name(),

@@ -72,7 +72,15 @@ pub fn init(
         .collect::<Result<Vec<_>, _>>()?;
     let tiles: BTreeSet<TileId> = elements.iter().map(|element| element.tile).collect();
     let model = FusionModel::default();
-    let layers = reduce_tiles(&tiles, &elements, &[], &[], model, &Meter::default(), &Silent)?;
+    let layers = reduce_tiles(
+        &tiles,
+        &elements,
+        &[],
+        &[],
+        model,
+        &Meter::default(),
+        &Silent,
+    )?;
 
     let store = Store::create(location.to_path_buf(), properties)?;
     let mut transaction = store.begin()?;
@@ -84,8 +92,10 @@ pub fn init(
         set_aside,
     };
     transaction.overwrite(rows)?;
-    let (headers, records): (Vec<_>, Vec<_>) =
-        layers.into_iter().map(|layer| (layer.header, layer.records)).unzip();
+    let (headers, records): (Vec<_>, Vec<_>) = layers
+        .into_iter()
+        .map(|layer| (layer.header, layer.records))
+        .unzip();
     transaction.overwrite(headers)?;
     transaction.overwrite(records.into_iter().flatten().collect())?;
     let version = transaction.commit("init", Parameters::new())?;

@@ -109,9 +109,10 @@ fn expand(files: &[PathBuf]) -> Vec<PathBuf> {
     let mut expanded = BTreeSet::new();
     for file in files {
         let entries = std::fs::read_dir(file).into_iter().flatten().flatten();
-        let inside = entries
-            .map(|entry| entry.path())
-            .filter(|path| path.extension().is_some_and(|extension| extension == "mcap"));
+        let inside = entries.map(|entry| entry.path()).filter(|path| {
+            path.extension()
+                .is_some_and(|extension| extension == "mcap")
+        });
         if file.is_dir() {
             expanded.extend(inside);
         } else {
@@ -184,7 +185,9 @@ impl Unit {
             self.read_log(&catalogue.logs[log], &mut unit, &mut shared, meter);
         }
         for recording in unit.channels.values_mut() {
-            shared.iter().for_each(|message| recording.push(message.clone()));
+            shared
+                .iter()
+                .for_each(|message| recording.push(message.clone()));
             recording.settle();
         }
         unit
@@ -212,7 +215,10 @@ impl Unit {
             }
             let topic = &log.topics[message.topic];
             if matches!(topic.kind, TopicKind::Detections(_)) {
-                unit.channels.entry(topic.name.clone()).or_default().push(message);
+                unit.channels
+                    .entry(topic.name.clone())
+                    .or_default()
+                    .push(message);
             } else {
                 shared.push(message);
             }
@@ -267,7 +273,11 @@ fn wanted_topics(log: &LogIndex) -> BTreeSet<usize> {
             .map(|(index, _)| index)
     };
     let orientation = most(TopicKind::Imu).or_else(|| most(TopicKind::Pose));
-    let single = [most(TopicKind::Gnss), orientation, most(TopicKind::Odometry)];
+    let single = [
+        most(TopicKind::Gnss),
+        orientation,
+        most(TopicKind::Odometry),
+    ];
     let every = [
         TopicKind::Calibration,
         TopicKind::Transforms,

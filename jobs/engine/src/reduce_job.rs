@@ -47,8 +47,10 @@ pub fn reduce_tiles(
     meter: &Meter,
     progress: &dyn Progress,
 ) -> Result<Vec<Layer>, EngineError> {
-    let mut inputs: BTreeMap<TileId, TileInput<'_>> =
-        tiles.iter().map(|&tile| (tile, TileInput::default())).collect();
+    let mut inputs: BTreeMap<TileId, TileInput<'_>> = tiles
+        .iter()
+        .map(|&tile| (tile, TileInput::default()))
+        .collect();
     for element in elements {
         if let Some(input) = inputs.get_mut(&element.tile) {
             input.elements.push(element);
@@ -83,7 +85,10 @@ fn layer(tile: TileId, input: &TileInput<'_>, model: FusionModel) -> Result<Laye
     let rows: Vec<EvidenceRow> = input.rows.iter().map(|row| (*row).clone()).collect();
     let as_of_ns = rows.iter().map(|row| row.last_ns).max().unwrap_or(0);
     let count = |verdict: Verdict| {
-        records.iter().filter(|record| record.verdict == verdict.code()).count() as i32
+        records
+            .iter()
+            .filter(|record| record.verdict == verdict.code())
+            .count() as i32
     };
     Ok(Layer {
         header: LayerHeader {

@@ -166,7 +166,9 @@ pub fn read_elements(
 }
 
 fn known_chunks(rows: &[ChunkRow]) -> KnownChunks {
-    let known = rows.iter().map(|row| (chunk_id(row), (row.digest, row.messages)));
+    let known = rows
+        .iter()
+        .map(|row| (chunk_id(row), (row.digest, row.messages)));
     known.collect()
 }
 
@@ -236,8 +238,9 @@ impl Update<'_> {
             footprints.extend(mapped.evidence.footprints);
         }
         let new: BTreeSet<ChunkId> = chunks.iter().map(chunk_id).collect();
-        let (replaced, kept): (Vec<ChunkRow>, Vec<ChunkRow>) =
-            known.into_iter().partition(|row| new.contains(&chunk_id(row)));
+        let (replaced, kept): (Vec<ChunkRow>, Vec<ChunkRow>) = known
+            .into_iter()
+            .partition(|row| new.contains(&chunk_id(row)));
         let touched: BTreeSet<TileId> = chunks.iter().chain(&replaced).flat_map(tiles_of).collect();
 
         self.progress.begin(Stage::Exchange, 3);
@@ -251,11 +254,9 @@ impl Update<'_> {
         chunks.extend(kept);
         transaction.overwrite(chunks)?;
 
-        let additions = self
-            .meter
-            .time(Stage::Reduce, || {
-                additions(&sightings, &footprints, self.tile_level, self.model)
-            });
+        let additions = self.meter.time(Stage::Reduce, || {
+            additions(&sightings, &footprints, self.tile_level, self.model)
+        });
         let tiles = self.dirty_tiles(&base, &touched, &additions)?;
         let rows = self.rows_of(&base, &tiles, &touched, rows)?;
         let layers = reduce_tiles(
@@ -282,7 +283,9 @@ impl Update<'_> {
     /// Whether the layers were made with another fusion model than the one asked for.
     fn changes_model(&self, base: &Snapshot) -> Result<bool, EngineError> {
         let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        Ok(headers.iter().any(|header| header.fusion_model != self.model.name()))
+        Ok(headers
+            .iter()
+            .any(|header| header.fusion_model != self.model.name()))
     }
 
     /// Replaces what the touched tiles hold of `new` chunks; returns all their rows.
@@ -328,19 +331,32 @@ impl Update<'_> {
     ) -> Result<BTreeSet<TileId>, EngineError> {
         let mut before: BTreeMap<TileId, Vec<ChangeRecord>> = BTreeMap::new();
         let records: Vec<ChangeRecord> = base.read(TileFilter::All)?;
-        for record in records.into_iter().filter(|record| record.element.is_none()) {
+        for record in records
+            .into_iter()
+            .filter(|record| record.element.is_none())
+        {
             before.entry(TileId(record.tile)).or_default().push(record);
         }
         let mut now: BTreeMap<TileId, Vec<ChangeRecord>> = BTreeMap::new();
         for record in additions {
-            now.entry(TileId(record.tile)).or_default().push(record.clone());
+            now.entry(TileId(record.tile))
+                .or_default()
+                .push(record.clone());
         }
-        before.values_mut().chain(now.values_mut()).for_each(|records| {
-            records.sort_by_key(|record| record.change);
-        });
-        let moved = before.keys().chain(now.keys()).filter(|tile| before.get(tile) != now.get(tile));
+        before
+            .values_mut()
+            .chain(now.values_mut())
+            .for_each(|records| {
+                records.sort_by_key(|record| record.change);
+            });
+        let moved = before
+            .keys()
+            .chain(now.keys())
+            .filter(|tile| before.get(tile) != now.get(tile));
         let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        let other_model = headers.iter().filter(|h| h.fusion_model != self.model.name());
+        let other_model = headers
+            .iter()
+            .filter(|h| h.fusion_model != self.model.name());
         Ok(touched
             .iter()
             .copied()
@@ -360,7 +376,11 @@ impl Update<'_> {
         let others: BTreeSet<TileId> = tiles.difference(touched).copied().collect();
         if !others.is_empty() {
             let stored: Vec<EvidenceRow> = base.read(TileFilter::Tiles(&others))?;
-            rows.extend(stored.into_iter().filter(|row| others.contains(&TileId(row.tile))));
+            rows.extend(
+                stored
+                    .into_iter()
+                    .filter(|row| others.contains(&TileId(row.tile))),
+            );
         }
         Ok(rows)
     }
@@ -371,8 +391,10 @@ fn write_layers(
     tiles: &BTreeSet<TileId>,
     layers: Vec<Layer>,
 ) -> Result<(), EngineError> {
-    let (headers, records): (Vec<_>, Vec<_>) =
-        layers.into_iter().map(|layer| (layer.header, layer.records)).unzip();
+    let (headers, records): (Vec<_>, Vec<_>) = layers
+        .into_iter()
+        .map(|layer| (layer.header, layer.records))
+        .unzip();
     transaction.replace_tiles(tiles, records.into_iter().flatten().collect())?;
     transaction.replace_tiles(tiles, headers)?;
     Ok(())
@@ -385,7 +407,10 @@ fn write_layers(
 /// The store is damaged.
 pub fn records(snapshot: &Snapshot, model: FusionModel) -> Result<Vec<ChangeRecord>, EngineError> {
     let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
-    if headers.iter().all(|header| header.fusion_model == model.name()) {
+    if headers
+        .iter()
+        .all(|header| header.fusion_model == model.name())
+    {
         return Ok(snapshot.read(TileFilter::All)?);
     }
     let tile_level = u32::from(snapshot.store().properties().tile_level);
@@ -395,8 +420,9 @@ pub fn records(snapshot: &Snapshot, model: FusionModel) -> Result<Vec<ChangeReco
     let footprints: Vec<Footprint> = snapshot.read(TileFilter::All)?;
     let additions = additions(&sightings, &footprints, tile_level, model);
     let owners = elements.iter().map(|element| element.tile);
-    let tiles: BTreeSet<TileId> =
-        owners.chain(additions.iter().map(|record| TileId(record.tile))).collect();
+    let tiles: BTreeSet<TileId> = owners
+        .chain(additions.iter().map(|record| TileId(record.tile)))
+        .collect();
     let meter = Meter::default();
     let silent = crate::progress::Silent;
     let layers = reduce_tiles(&tiles, &elements, &rows, &additions, model, &meter, &silent)?;
