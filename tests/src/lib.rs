@@ -1,4 +1,6 @@
-//! What must hold across crates, whatever happens to the input: the checkers that the tests under
-//! `tests/` call.
+//! What must hold across crates, whatever happens to the input: the checkers and fixtures that the
+//! tests under `tests/` call.
 
 pub mod arrows;
+pub mod logs;
+pub mod trial;

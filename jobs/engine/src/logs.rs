@@ -5,7 +5,7 @@
 //! context. Blocks bound the memory of a unit, whatever the length of a drive.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
@@ -35,7 +35,7 @@ impl Catalogue {
     /// Indexes files in parallel. A folder stands for the `.mcap` files in it.
     #[must_use]
     pub fn open(files: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Self {
-        let files = expand(files);
+        let (files, empty) = expand(files);
         progress.begin(Stage::Index, files.len() as u64);
         let opened: Vec<_> = files
             .par_iter()
@@ -48,7 +48,10 @@ impl Catalogue {
             })
             .collect();
         progress.end(Stage::Index);
-        let mut catalogue = Self::default();
+        let mut catalogue = Self {
+            set_aside: empty,
+            ..Self::default()
+        };
         for (file, result) in opened {
             match result {
                 Ok(index) => catalogue.add(index),
@@ -105,21 +108,40 @@ impl Catalogue {
     }
 }
 
-fn expand(files: &[PathBuf]) -> Vec<PathBuf> {
+/// The log files that are meant, each once, and folders that hold none.
+fn expand(files: &[PathBuf]) -> (Vec<PathBuf>, Vec<SetAside>) {
     let mut expanded = BTreeSet::new();
+    let mut empty = Vec::new();
     for file in files {
-        let entries = std::fs::read_dir(file).into_iter().flatten().flatten();
-        let inside = entries.map(|entry| entry.path()).filter(|path| {
-            path.extension()
-                .is_some_and(|extension| extension == "mcap")
-        });
-        if file.is_dir() {
-            expanded.extend(inside);
-        } else {
+        if !file.is_dir() {
             expanded.insert(file.clone());
+            continue;
+        }
+        let set_aside =
+            |reason: String| SetAside::new(SetAsideKind::File, file.display().to_string(), reason);
+        match logs_in(file) {
+            Ok(logs) if logs.is_empty() => empty.push(set_aside(
+                "a folder without .mcap files; name the files, or the folder they are in"
+                    .to_owned(),
+            )),
+            Ok(logs) => expanded.extend(logs),
+            Err(error) => empty.push(set_aside(format!(
+                "cannot list the folder: {error}; check its rights"
+            ))),
         }
     }
-    expanded.into_iter().collect()
+    (expanded.into_iter().collect(), empty)
+}
+
+fn logs_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let is_log = |path: &PathBuf| {
+        path.extension()
+            .is_some_and(|extension| extension == "mcap")
+    };
+    let entries: Vec<PathBuf> = std::fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<_>>()?;
+    Ok(entries.into_iter().filter(is_log).collect())
 }
 
 /// The vehicle that a log names. One that names none is a vehicle of its own, known by the time

@@ -1,0 +1,170 @@
+//! One store, the jobs that are tried on it, and all of its content in a few digests.
+
+#![allow(clippy::unwrap_used)] // A job that fails ends its test.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use tilefold_city::{CityFiles, CitySpec};
+use tilefold_engine::{FusionModel, InitOptions, RunReport, Silent, init, run};
+use tilefold_schemas::layer::ElementRow;
+use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting};
+use tilefold_store::{Store, StoredTable, TileFilter};
+
+/// A store in a folder of its own.
+#[derive(Debug)]
+pub struct Trial {
+    _folder: TempDir,
+    store: PathBuf,
+}
+
+impl Trial {
+    /// A new store of the map.
+    ///
+    /// # Panics
+    /// It cannot be made.
+    #[must_use]
+    pub fn new(map: &Path) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let store = folder.path().join("store");
+        let options = InitOptions {
+            tile_level: 15,
+            salt: None,
+        };
+        init(&store, &[map.to_owned()], &options).unwrap();
+        Self {
+            _folder: folder,
+            store,
+        }
+    }
+
+    /// Runs a job over `logs`.
+    ///
+    /// # Panics
+    /// It fails.
+    pub fn run(&self, logs: &[PathBuf]) -> RunReport {
+        run(&self.store, logs, FusionModel::default(), &Silent).unwrap()
+    }
+
+    /// What the latest version holds.
+    ///
+    /// # Panics
+    /// The store cannot be read.
+    #[must_use]
+    pub fn content(&self) -> Content {
+        let snapshot = Store::open(self.store.clone())
+            .unwrap()
+            .snapshot(None)
+            .unwrap();
+        let layers = snapshot.read::<LayerHeader>(TileFilter::All).unwrap();
+        macro_rules! tables {
+            ($($row:ty),+) => {
+                [$((
+                    <$row as tilefold_schemas::table::Table>::NAME,
+                    Rows {
+                        count: snapshot.row_count::<$row>().unwrap(),
+                        digest: snapshot.digest::<$row>().unwrap(),
+                    },
+                )),+]
+            };
+        }
+        let tables = tables!(
+            ElementRow,
+            ChunkRow,
+            EvidenceRow,
+            Sighting,
+            Footprint,
+            ChangeRecord,
+            LayerHeader
+        );
+        Content {
+            layers,
+            tables: tables.into(),
+        }
+    }
+
+    /// All rows of a table in the latest version.
+    ///
+    /// # Panics
+    /// The store cannot be read.
+    #[must_use]
+    pub fn rows<R: StoredTable>(&self) -> Vec<R> {
+        let store = Store::open(self.store.clone()).unwrap();
+        store.snapshot(None).unwrap().read(TileFilter::All).unwrap()
+    }
+}
+
+/// Rows of a table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rows {
+    /// How many.
+    pub count: i64,
+    /// Their digest.
+    pub digest: String,
+}
+
+/// All that a version holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Content {
+    /// Headers of its layers.
+    pub layers: Vec<LayerHeader>,
+    /// Its tables by name.
+    pub tables: BTreeMap<&'static str, Rows>,
+}
+
+impl Content {
+    /// Whether there is evidence, and something was judged from it.
+    #[must_use]
+    pub fn says_something(&self) -> bool {
+        let is_judged = |layer: &LayerHeader| layer.no_change + layer.removed + layer.modified > 0;
+        let is_filled = |table: &str| self.tables.get(table).is_some_and(|rows| rows.count > 0);
+        self.layers.iter().any(is_judged)
+            && ["chunks", "evidence", "sightings", "footprints", "changes"]
+                .into_iter()
+                .all(is_filled)
+    }
+}
+
+/// A new store of the map after one job over `logs`.
+///
+/// # Panics
+/// A job fails.
+#[must_use]
+pub fn content_of(map: &Path, logs: &[PathBuf]) -> Content {
+    let trial = Trial::new(map);
+    trial.run(logs);
+    trial.content()
+}
+
+/// A city of two short roads: seven drives by five vehicles, in both dialects.
+///
+/// # Panics
+/// It cannot be written.
+#[must_use]
+pub fn small_city(into: &Path) -> CityFiles {
+    let spec = CitySpec {
+        seed: 5,
+        roads: 2,
+        road_length_m: 250.0,
+        changes_per_kind: 1,
+        vehicles: 5,
+        drives: 7,
+        days: 4,
+        ..CitySpec::default()
+    };
+    tilefold_city::write(&spec, into).unwrap()
+}
+
+/// The folder of real data, `TILEFOLD_TEST_DATA` or `../shared/data` beside the checkout; says so
+/// where there is none.
+#[must_use]
+pub fn real_data() -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let folder = std::env::var_os("TILEFOLD_TEST_DATA").map_or(beside, PathBuf::from);
+    if folder.join("deecamp").is_dir() {
+        return Some(folder);
+    }
+    println!("skipped: no real data (set TILEFOLD_TEST_DATA to its folder)");
+    None
+}
