@@ -1,7 +1,7 @@
 //! Cutting a recording into chunks: absolute windows of time, the unit of map-stage work.
 //!
 //! A chunk is cut by the data, never by file, thread or executor. It is worked on together with
-//! the window before it and the one after it, so that registration has settled when it begins
+//! the two windows before it and the two after it, so that registration has settled when it begins
 //! and still has support where it ends; what it testifies is only of its own window.
 
 use tilefold_schemas::id::{ChunkId, VehicleKey, hash_text};
@@ -10,6 +10,10 @@ use crate::recording::{Recording, between};
 
 /// Length of a window in nanoseconds (W in method.md, section 1).
 pub const WINDOW_NS: i64 = 20_000_000_000;
+
+/// Context to either side, in nanoseconds: two windows. One is for registration to settle; the second lets the
+/// clock offset between channels, which may take many seconds, be told.
+pub const CONTEXT_NS: i64 = 2 * WINDOW_NS;
 
 /// The window that a capture time falls into.
 #[must_use]
@@ -63,8 +67,8 @@ pub fn cut(recording: &Recording, vehicle: VehicleKey, topic: &str, window: i64)
         return None;
     }
     let recording = recording.slice(
-        from_ns.saturating_sub(WINDOW_NS),
-        to_ns.saturating_add(WINDOW_NS),
+        from_ns.saturating_sub(CONTEXT_NS),
+        to_ns.saturating_add(CONTEXT_NS),
     );
     Some(Chunk {
         id: ChunkId {
@@ -120,8 +124,8 @@ mod tests {
         let all = recording((0..200).map(|i| i * 1_000_000_000));
         let chunk = cut(&all, VehicleKey(7), "/lanes", 3).unwrap();
         let stamps = chunk.recording.detections.iter().map(|f| f.stamp_ns);
-        assert_eq!(stamps.clone().min(), Some(40_000_000_000));
-        assert_eq!(stamps.max(), Some(99_000_000_000));
+        assert_eq!(stamps.clone().min(), Some(20_000_000_000));
+        assert_eq!(stamps.max(), Some(119_000_000_000));
     }
 
     #[test]

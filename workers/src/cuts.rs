@@ -6,7 +6,7 @@
 //! after this (registration, matching, exposure) works on these numbers.
 
 use crate::local_map::{LocalMap, NearSegment};
-use crate::look::Look;
+use crate::look::{Look, SeenLine};
 use crate::pose::Pose;
 
 /// Ranges ahead at which lines are cut, in metres.
@@ -61,34 +61,36 @@ impl CrossCut {
     /// Cuts the lines of a look and of the map around it.
     #[must_use]
     pub fn new(look: &Look, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Self {
-        let seen = look
-            .lines
-            .iter()
-            .enumerate()
-            .filter_map(|(line, seen)| {
-                let cuts: Vec<Cut> = RANGES_M
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(range, &range_m)| {
-                        let lateral_m = seen.lateral_m(range_m)?;
-                        Some(Cut {
-                            range,
-                            lateral_m,
-                            station_m: 0.0,
-                        })
-                    })
-                    .collect();
-                (!cuts.is_empty()).then_some(CutLine { line, cuts })
-            })
-            .collect();
         Self {
-            seen,
+            seen: cut_seen(&look.lines),
             mapped: cut_map(&look.pose, map, scratch),
         }
     }
 }
 
-fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Vec<CutLine> {
+/// Cuts the lines that were seen.
+#[must_use]
+pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
+    let cut_line = |(line, seen): (usize, &SeenLine)| {
+        let ranges = RANGES_M.iter().enumerate();
+        let cuts: Vec<Cut> = ranges
+            .filter_map(|(range, &range_m)| {
+                let lateral_m = seen.lateral_m(range_m)?;
+                Some(Cut {
+                    range,
+                    lateral_m,
+                    station_m: 0.0,
+                })
+            })
+            .collect();
+        (!cuts.is_empty()).then_some(CutLine { line, cuts })
+    };
+    lines.iter().enumerate().filter_map(cut_line).collect()
+}
+
+/// Cuts the map lines around a pose.
+#[must_use]
+pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Vec<CutLine> {
     let (low, high) = box_ahead(pose);
     map.segments_within(low, high, scratch);
     let mut lines: Vec<CutLine> = Vec::new();

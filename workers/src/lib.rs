@@ -2,12 +2,14 @@
 //!
 //! Pure: no disk, no clock, no environment, no randomness. The way of a frame is the order of the
 //! modules: [`pose`] and [`frames`] place the vehicle, [`camera`] and [`look`] bring what was seen
-//! into metres, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
+//! into metres, [`clock`] brings
+//! the two clocks together, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
 //! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen, and
 //! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk`] joins them.
 
 mod banded;
 pub mod camera;
+pub mod clock;
 pub mod cuts;
 pub mod footprint;
 pub mod frames;

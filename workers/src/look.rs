@@ -40,10 +40,19 @@ impl SeenLine {
     }
 }
 
+/// What was seen in a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeenFrame {
+    /// Capture time by the detection channel's clock.
+    pub stamp_ns: i64,
+    /// Lines.
+    pub lines: Vec<SeenLine>,
+}
+
 /// A frame with its pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Look {
-    /// Where the vehicle was.
+    /// Where the vehicle was; the stamp is that of the frame.
     pub pose: Pose,
     /// What it saw.
     pub lines: Vec<SeenLine>,
@@ -51,19 +60,17 @@ pub struct Look {
 
 /// Frames of a recording, and why the others could not be used.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Looks {
+pub struct SeenFrames {
     /// Usable frames in capture order.
-    pub looks: Vec<Look>,
-    /// Capture times of frames without a pose.
-    pub without_pose_ns: Vec<i64>,
+    pub frames: Vec<SeenFrame>,
     /// Capture times of frames in pixels without a usable camera.
     pub without_camera_ns: Vec<i64>,
 }
 
-impl Looks {
+impl SeenFrames {
     /// All detection frames of a recording, in metres.
     #[must_use]
-    pub fn collect(recording: &Recording, trajectory: &Trajectory, tree: &FrameTree) -> Self {
+    pub fn collect(recording: &Recording, tree: &FrameTree) -> Self {
         let camera = camera(recording, tree);
         let mut collected = Self::default();
         let mut last_ns = None;
@@ -72,17 +79,36 @@ impl Looks {
             if last_ns.replace(frame.stamp_ns) == Some(frame.stamp_ns) {
                 continue;
             }
-            let Some(pose) = trajectory.at(frame.stamp_ns) else {
-                collected.without_pose_ns.push(frame.stamp_ns);
-                continue;
-            };
+            let stamp_ns = frame.stamp_ns;
             match seen_lines(frame, camera.as_ref(), tree) {
-                Some(lines) => collected.looks.push(Look { pose, lines }),
-                None => collected.without_camera_ns.push(frame.stamp_ns),
+                Some(lines) => collected.frames.push(SeenFrame { stamp_ns, lines }),
+                None => collected.without_camera_ns.push(stamp_ns),
             }
         }
         collected
     }
+}
+
+/// Frames with the poses of the time at which they were really captured: `lag_ns` before their
+/// stamp. Stamps of frames without a pose come second.
+#[must_use]
+pub fn place(
+    frames: Vec<SeenFrame>,
+    trajectory: &Trajectory,
+    lag_ns: i64,
+) -> (Vec<Look>, Vec<i64>) {
+    let mut looks = Vec::with_capacity(frames.len());
+    let mut without_pose_ns = Vec::new();
+    for SeenFrame { stamp_ns, lines } in frames {
+        match trajectory.at(stamp_ns.saturating_sub(lag_ns)) {
+            Some(pose) => looks.push(Look {
+                pose: Pose { stamp_ns, ..pose },
+                lines,
+            }),
+            None => without_pose_ns.push(stamp_ns),
+        }
+    }
+    (looks, without_pose_ns)
 }
 
 fn camera(recording: &Recording, tree: &FrameTree) -> Option<Camera> {

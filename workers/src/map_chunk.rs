@@ -4,14 +4,15 @@ use tilefold_schemas::{EvidenceRow, Footprint, SetAside, SetAsideKind, Sighting}
 use tilefold_tiler::chunk::Chunk;
 use tilefold_tiler::map_index::MapIndex;
 
+use crate::clock;
 use crate::cuts::CrossCut;
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
 use crate::local_map::LocalMap;
-use crate::look::{Look, Looks};
+use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::pose::{PoseError, Trajectory};
-use crate::register::{Registration, register};
+use crate::register::{Glance, Registration, register};
 use crate::scale;
 use crate::sight::Sightings;
 use crate::testify::{Frame, Ledger};
@@ -53,27 +54,29 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
     let tree = FrameTree::new(&recording.static_transforms);
     let local_frame = Trajectory::anchor(recording)?;
     let trajectory = Trajectory::estimate(recording, &local_frame, &tree)?;
-    let Looks {
-        mut looks,
-        without_pose_ns,
+    let SeenFrames {
+        frames,
         without_camera_ns,
-    } = Looks::collect(recording, &trajectory, &tree);
+    } = SeenFrames::collect(recording, &tree);
+    let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
+    let clock = clock::estimate(&frames, &trajectory, &map);
+    if std::env::var("DBG").is_ok() { eprintln!("CLOCK {} {} {:.2} {:.3}", chunk.id.vehicle.0, chunk.id.window, clock.lag_ns as f64*1e-9, clock.confidence); }
+    let (mut looks, without_pose_ns) = place(frames, &trajectory, clock.lag_ns);
     let mut evidence = Evidence {
-        set_aside: losses(chunk, &without_pose_ns, &without_camera_ns),
+        set_aside: losses(chunk, clock.lag_ns, &without_pose_ns, &without_camera_ns),
         ..Evidence::default()
     };
     if looks.is_empty() {
         return Ok(evidence);
     }
-    let places = looks
-        .iter()
-        .map(|look| [look.pose.east_m, look.pose.north_m]);
-    let map = LocalMap::around(&context.map, &local_frame, places, MAP_REACH_M);
     let (mut cross_cuts, mut registrations) = lay_on_map(&looks, &map);
     let factor = scale::estimate(&cross_cuts, &registrations);
     if factor != 1.0 {
         scale::stretch(&mut looks, factor);
         (cross_cuts, registrations) = lay_on_map(&looks, &map);
+    }
+    for registration in &mut registrations {
+        registration.confidence *= clock.confidence;
     }
     let zone = Zone::learn(&looks);
 
@@ -119,7 +122,17 @@ fn lay_on_map(looks: &[Look], map: &LocalMap<'_>) -> (Vec<CrossCut>, Vec<Registr
         .iter()
         .map(|look| CrossCut::new(look, map, &mut scratch))
         .collect();
-    let registrations = register(looks, &cross_cuts);
+    let glances: Vec<Glance<'_>> = looks
+        .iter()
+        .zip(&cross_cuts)
+        .map(|(look, cross_cut)| Glance {
+            stamp_ns: look.pose.stamp_ns,
+            place_m: [look.pose.east_m, look.pose.north_m],
+            seen: &cross_cut.seen,
+            mapped: &cross_cut.mapped,
+        })
+        .collect();
+    let registrations = register(&glances);
     (cross_cuts, registrations)
 }
 
@@ -141,9 +154,14 @@ fn ways_m(looks: &[Look]) -> Vec<f64> {
 }
 
 /// Frames of the chunk's own window that could not be used.
-fn losses(chunk: &Chunk, without_pose_ns: &[i64], without_camera_ns: &[i64]) -> Vec<SetAside> {
+fn losses(
+    chunk: &Chunk,
+    lag_ns: i64,
+    without_pose_ns: &[i64],
+    without_camera_ns: &[i64],
+) -> Vec<SetAside> {
     let (from_ns, to_ns) = chunk.bounds_ns();
-    let loss = |stamps: &[i64], reason: &str| {
+    let loss = |stamps: &[i64], reason: String| {
         let mut own = stamps
             .iter()
             .filter(|stamp| (from_ns..to_ns).contains(*stamp));
@@ -155,11 +173,15 @@ fn losses(chunk: &Chunk, without_pose_ns: &[i64], without_camera_ns: &[i64]) -> 
     [
         loss(
             without_pose_ns,
-            "no pose: fixes are more than 2 s apart, or orientations more than 1 s",
+            format!(
+                "no pose within 2 s of its capture, which is {:.2} s before its stamp",
+                lag_ns as f64 * 1e-9
+            ),
         ),
         loss(
             without_camera_ns,
-            "detections are in pixels, and the log has no usable camera calibration and mounting for them",
+            "detections are in pixels, and the log has no usable camera calibration and mounting for them"
+                .to_owned(),
         ),
     ]
     .into_iter()

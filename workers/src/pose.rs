@@ -7,7 +7,7 @@
 //! of it) stays in the trajectory: registration against the map takes it out.
 
 use tilefold_schemas::log::GnssFix;
-use tilefold_tiler::geodesy::LocalFrame;
+use tilefold_tiler::geodesy::{LocalFrame, wrap_angle};
 use tilefold_tiler::recording::{Recording, Series};
 
 use crate::banded::Banded;
@@ -28,6 +28,8 @@ const JUMP_FLOOR_M: f64 = 0.1;
 const MAX_FIX_GAP_NS: i64 = 2_000_000_000;
 /// An orientation is interpolated between measurements at most this far apart.
 const MAX_YAW_GAP_NS: i64 = 1_000_000_000;
+/// The bias of a heading is taken over this much time to either side.
+const BIAS_WINDOW_NS: i64 = 3_000_000_000;
 /// Course over ground stands for the heading only above this speed, in m/s.
 const MIN_COURSE_SPEED_M_S: f64 = 2.0;
 /// No car is faster, in m/s: what would need more is a teleport.
@@ -113,7 +115,9 @@ impl Trajectory {
         }
         let positions_m = smooth(&fixes);
         let yaws = match measured_yaws(recording, tree) {
-            yaws if yaws.len() >= 2 => yaws,
+            yaws if yaws.len() >= 2 => {
+                without_bias(yaws, &course_over_ground(&fixes.stamps_ns, &positions_m))
+            }
             _ => course_over_ground(&fixes.stamps_ns, &positions_m),
         };
         let mut trajectory = Self {
@@ -124,6 +128,11 @@ impl Trajectory {
         };
         trajectory.move_to_vehicle_origin(&recording.fixes, tree);
         Ok(trajectory)
+    }
+
+    /// Places along the trajectory: east, north in metres.
+    pub fn places(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.positions_m.iter().copied()
     }
 
     /// The pose at a time; none where fixes or orientations are too far apart.
@@ -350,6 +359,40 @@ fn push_unwrapped(yaws: &mut Vec<(i64, f64)>, stamp_ns: i64, yaw: f64) {
         None => yaw,
     };
     yaws.push((stamp_ns, unwrapped));
+}
+
+/// Headings without their slow bias: the median of course minus heading around each second.
+fn without_bias(yaws: Vec<(i64, f64)>, courses: &[(i64, f64)]) -> Vec<(i64, f64)> {
+    let yaw_at = |stamp_ns: i64| {
+        let after = yaws.partition_point(|&(at, _)| at < stamp_ns);
+        yaws[after.min(yaws.len() - 1)].1
+    };
+    let differences: Vec<(i64, f64)> = courses
+        .iter()
+        .map(|&(stamp_ns, course)| (stamp_ns, wrap_angle(course - yaw_at(stamp_ns))))
+        .collect();
+    let mut knots: Vec<(i64, f64)> = Vec::new();
+    let mut next_ns = i64::MIN;
+    for &(stamp_ns, _) in &differences {
+        if stamp_ns >= next_ns {
+            let within = |&&(at, _): &&(i64, f64)| (at - stamp_ns).abs() <= BIAS_WINDOW_NS;
+            let around = differences.iter().filter(within).map(|&(_, difference)| difference);
+            knots.push((stamp_ns, median(around.collect())));
+            next_ns = stamp_ns + 1_000_000_000;
+        }
+    }
+    let bias_at = |stamp_ns: i64| {
+        let after = knots.partition_point(|&(at, _)| at < stamp_ns);
+        let (Some(b), Some(a)) = (knots.get(after).or(knots.last()), knots.get(after.saturating_sub(1))) else {
+            return 0.0;
+        };
+        if b.0 <= a.0 {
+            return b.1;
+        }
+        let share = ((stamp_ns - a.0) as f64 / (b.0 - a.0) as f64).clamp(0.0, 1.0);
+        a.1 + share * wrap_angle(b.1 - a.1)
+    };
+    yaws.iter().map(|&(stamp_ns, yaw)| (stamp_ns, yaw + bias_at(stamp_ns))).collect()
 }
 
 /// Headings from the smoothed track, where the vehicle moves.

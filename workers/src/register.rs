@@ -8,41 +8,53 @@
 //! with a low confidence instead of a wrong pick. An edited line is one vote against those of its
 //! neighbours and of the road before and after it.
 
-use crate::cuts::{Against, CrossCut};
-use crate::look::Look;
+use crate::cuts::{Against, CutLine};
 use crate::visibility::line_sigma_m;
 
 /// Largest lateral error that is considered, in metres.
 const REACH_M: f64 = 5.0;
-/// Grid spacing in metres: half of the lateral noise of a seen line.
+/// Grid spacing in metres.
 const STEP_M: f64 = 0.1;
 /// Number of grid offsets.
 const STATES: usize = 101;
 /// Length of a step of the chain.
 const STEP_NS: i64 = 500_000_000;
+/// Share of seen lines that belong to no map line (clutter, edits).
+const OUTLIERS: f64 = 0.3;
 /// Clutter lies anywhere over this width, in metres.
 const CLUTTER_WIDTH_M: f64 = 10.0;
-/// Share of seen lines that belong to no map line (clutter, edits).
-const OUTLIERS: f64 = 0.15;
-/// Log-likelihood of a map line beside the vehicle that is not seen.
-const MISS_NATS: f64 = -0.4;
-/// Lines this near to the vehicle's axis should be seen, in metres.
-const MISS_WITHIN_M: f64 = 2.3;
-/// A line counts as seen if a seen line is this near, in metres.
-const SEEN_WITHIN_M: f64 = 0.6;
 /// Independent looks that one step is worth, however many frames it has.
-const LOOKS_PER_STEP: f64 = 2.0;
+const LOOKS_PER_STEP: f64 = 1.0;
 /// A step is worth its full looks if the vehicle moved this far, in metres.
 const FULL_STEP_M: f64 = 4.0;
-/// Drift of the lateral error, in metres per square root of a second.
-const DRIFT_M_PER_SQRT_S: f64 = 0.15;
 /// Chance that the error jumps anywhere within a second (multipath).
 const JUMPS_PER_S: f64 = 1e-3;
-/// Standard deviation of the lateral GNSS error, in metres, and for how long one draw lasts.
-const PRIOR_SIGMA_M: f64 = 1.2;
-const PRIOR_SECONDS: f64 = 20.0;
 /// What belongs to the chosen offset, in metres to either side.
-const PEAK_M: f64 = 0.4;
+const PEAK_M: f64 = 0.5;
+
+/// How the lateral error of a trajectory behaves: a stationary process that forgets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GnssError {
+    /// Standard deviation in metres.
+    pub sigma_m: f64,
+    /// Time over which it forgets, in seconds.
+    pub memory_s: f64,
+}
+
+impl GnssError {
+    /// The receivers that are told apart: good ones (corrected, or coupled with inertia) and
+    /// ordinary ones. Which one a drive has is decided by what explains it better.
+    pub const KINDS: [Self; 2] = [
+        Self {
+            sigma_m: 0.4,
+            memory_s: 50.0,
+        },
+        Self {
+            sigma_m: 1.4,
+            memory_s: 30.0,
+        },
+    ];
+}
 
 /// The lateral error at one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,16 +67,46 @@ pub struct Registration {
     pub confidence: f64,
 }
 
-/// Registers all looks of a chunk (context included) against the map.
+/// What one frame says: the lines seen, and the map lines where its pose puts them.
+#[derive(Debug, Clone, Copy)]
+pub struct Glance<'a> {
+    /// Capture time.
+    pub stamp_ns: i64,
+    /// Where the trajectory has the vehicle, east and north in metres.
+    pub place_m: [f64; 2],
+    /// Lines seen.
+    pub seen: &'a [CutLine],
+    /// Map lines.
+    pub mapped: &'a [CutLine],
+}
+
+/// Registers all frames of a chunk (context included) against the map, under the kind of GNSS
+/// error that explains them best.
 #[must_use]
-pub fn register(looks: &[Look], cross_cuts: &[CrossCut]) -> Vec<Registration> {
-    let steps = Step::cut(looks, cross_cuts);
-    let posterior = forward_backward(&steps);
-    let peaks: Vec<Registration> = posterior.iter().map(peak).collect();
-    looks
+pub fn register(glances: &[Glance<'_>]) -> Vec<Registration> {
+    let steps = Step::cut(glances);
+    let kinds = GnssError::KINDS.iter();
+    let chains = kinds.map(|error| Chain::run(&steps, *error));
+    // The first of equals, so that nothing to go by means the better receiver.
+    let best = chains.reduce(|a, b| if b.log_likelihood > a.log_likelihood { b } else { a });
+    let Some(best) = best.filter(|_| !steps.is_empty()) else {
+        return Vec::new();
+    };
+    let peaks: Vec<Registration> = best.posterior(&steps).iter().map(peak).collect();
+    glances
         .iter()
-        .map(|look| interpolate(&steps, &peaks, look.pose.stamp_ns))
+        .map(|glance| interpolate(&steps, &peaks, glance.stamp_ns))
         .collect()
+}
+
+/// The log-likelihood alone, in nats: how well frames, poses and map go together.
+#[must_use]
+pub fn log_likelihood(glances: &[Glance<'_>]) -> f64 {
+    let steps = Step::cut(glances);
+    let kinds = GnssError::KINDS.iter();
+    kinds
+        .map(|error| Chain::run(&steps, *error).log_likelihood)
+        .fold(f64::NEG_INFINITY, f64::max)
 }
 
 type Offsets = [f64; STATES];
@@ -80,46 +122,38 @@ struct Step {
 }
 
 impl Step {
-    fn cut(looks: &[Look], cross_cuts: &[CrossCut]) -> Vec<Self> {
-        let mut steps = Vec::new();
-        let mut from = 0;
-        while from < looks.len() {
-            let window = looks[from].pose.stamp_ns.div_euclid(STEP_NS);
-            let size = looks[from..]
-                .iter()
-                .take_while(|look| look.pose.stamp_ns.div_euclid(STEP_NS) == window)
-                .count();
-            let to = from + size;
-            steps.push(Self {
-                centre_ns: window * STEP_NS + STEP_NS / 2,
-                log_likelihood: votes(&looks[from..to], &cross_cuts[from..to]),
-            });
-            from = to;
-        }
-        steps
+    fn cut(glances: &[Glance<'_>]) -> Vec<Self> {
+        let window = |glance: &Glance<'_>| glance.stamp_ns.div_euclid(STEP_NS);
+        glances
+            .chunk_by(|a, b| window(a) == window(b))
+            .map(|step| Self {
+                centre_ns: window(&step[0]) * STEP_NS + STEP_NS / 2,
+                log_likelihood: votes(step),
+            })
+            .collect()
     }
 }
 
 /// Summed votes of frames, tempered: frames within a step see the same paint.
-fn votes(looks: &[Look], cross_cuts: &[CrossCut]) -> Offsets {
+fn votes(glances: &[Glance<'_>]) -> Offsets {
     let mut sum = [0.0; STATES];
-    for cross_cut in cross_cuts {
-        vote(cross_cut, &mut sum);
+    for glance in glances {
+        vote(glance, &mut sum);
     }
-    let (first, last) = (&looks[0].pose, &looks[looks.len() - 1].pose);
-    let moved_m = (last.east_m - first.east_m).hypot(last.north_m - first.north_m);
-    let frames = looks.len() as f64;
-    let worth = LOOKS_PER_STEP.min(frames) * (moved_m / FULL_STEP_M).clamp(0.1, 1.0);
+    let (first, last) = (glances[0].place_m, glances[glances.len() - 1].place_m);
+    let moved_m = (last[0] - first[0]).hypot(last[1] - first[1]);
+    let frames = glances.len() as f64;
+    let worth = LOOKS_PER_STEP * (moved_m / FULL_STEP_M).clamp(0.1, 1.0);
     sum.map(|nats| nats * worth / frames)
 }
 
-/// Adds one frame's log-likelihood of every offset.
-fn vote(cross_cut: &CrossCut, sum: &mut Offsets) {
-    for seen in &cross_cut.seen {
+/// Adds one frame's log-likelihood of every offset, relative to clutter.
+fn vote(glance: &Glance<'_>, sum: &mut Offsets) {
+    for seen in glance.seen {
         let mut best = [0.0_f64; STATES];
         let sigma_m = line_sigma_m(seen.lateral_m());
-        let height = 1.0 / (sigma_m * std::f64::consts::TAU.sqrt());
-        for mapped in &cross_cut.mapped {
+        let height = (1.0 - OUTLIERS) / (sigma_m * std::f64::consts::TAU.sqrt());
+        for mapped in glance.mapped {
             let Some(against) = Against::new(seen, mapped) else {
                 continue;
             };
@@ -128,33 +162,10 @@ fn vote(cross_cut: &CrossCut, sum: &mut Offsets) {
                 *best = best.max(height * (-0.5 * z * z).exp());
             }
         }
-        let clutter = OUTLIERS / CLUTTER_WIDTH_M;
+        // Any of the map lines in view could have been the one that is seen.
+        let share = 1.0 / glance.mapped.len().max(1) as f64;
         for (sum, best) in sum.iter_mut().zip(best) {
-            *sum += (1.0 + (1.0 - OUTLIERS) * best / clutter).ln();
-        }
-    }
-    if !cross_cut.seen.is_empty() {
-        vote_misses(cross_cut, sum);
-    }
-}
-
-/// Lowers offsets that would put map lines beside the vehicle where nothing is seen.
-fn vote_misses(cross_cut: &CrossCut, sum: &mut Offsets) {
-    for mapped in &cross_cut.mapped {
-        let lateral_m = mapped.lateral_m();
-        let offsets: Vec<f64> = cross_cut
-            .seen
-            .iter()
-            .filter_map(|seen| Against::new(seen, mapped))
-            .map(|against| against.offset_m)
-            .collect();
-        for (state, sum) in near(lateral_m, MISS_WITHIN_M, sum) {
-            let is_seen = offsets
-                .iter()
-                .any(|offset| (offset + offset_m(state)).abs() <= SEEN_WITHIN_M);
-            if !is_seen {
-                *sum += MISS_NATS;
-            }
+            *sum += (OUTLIERS + best * share * CLUTTER_WIDTH_M).ln();
         }
     }
 }
@@ -175,54 +186,70 @@ fn near(
         .skip(from.min(STATES))
 }
 
-/// Posterior of the offset at each step, given all steps.
-fn forward_backward(steps: &[Step]) -> Vec<Offsets> {
-    let likelihoods: Vec<Offsets> = steps
-        .iter()
-        .map(|step| scaled(&step.log_likelihood))
-        .collect();
-    let size = steps.len();
-    let mut forward = Vec::with_capacity(size);
-    let mut belief = prior(1.0);
-    for index in 0..size {
-        if index > 0 {
-            belief = drift(&belief, seconds_between(steps, index));
+/// The forward pass of the chain under one kind of GNSS error.
+struct Chain {
+    error: GnssError,
+    /// Likelihood of each offset at each step, relative to the best.
+    likelihoods: Vec<Offsets>,
+    /// Belief at each step, given the steps up to it.
+    forward: Vec<Offsets>,
+    log_likelihood: f64,
+}
+
+impl Chain {
+    fn run(steps: &[Step], error: GnssError) -> Self {
+        let mut chain = Self {
+            error,
+            likelihoods: Vec::with_capacity(steps.len()),
+            forward: Vec::with_capacity(steps.len()),
+            log_likelihood: 0.0,
+        };
+        let mut belief = stationary(error);
+        for (index, step) in steps.iter().enumerate() {
+            if index > 0 {
+                belief = Drift::new(error, seconds_between(steps, index)).ahead(&belief);
+            }
+            let best = step.log_likelihood.iter().copied().fold(f64::MIN, f64::max);
+            let likelihood = step.log_likelihood.map(|nats| (nats - best).exp());
+            chain.log_likelihood += best + multiply(&mut belief, &likelihood).ln();
+            chain.likelihoods.push(likelihood);
+            chain.forward.push(belief);
         }
-        multiply(&mut belief, &likelihoods[index]);
-        forward.push(belief);
+        chain
     }
-    let mut posterior = forward;
-    let mut message = [1.0; STATES];
-    for index in (0..size).rev() {
-        multiply(&mut posterior[index], &message);
-        multiply(&mut message, &likelihoods[index]);
-        if index > 0 {
-            message = drift(&message, seconds_between(steps, index));
+
+    /// Posterior of the offset at each step, given all steps.
+    fn posterior(self, steps: &[Step]) -> Vec<Offsets> {
+        let mut posterior = self.forward;
+        let mut message = [1.0; STATES];
+        for index in (0..posterior.len()).rev() {
+            multiply(&mut posterior[index], &message);
+            multiply(&mut message, &self.likelihoods[index]);
+            if index > 0 {
+                message = Drift::new(self.error, seconds_between(steps, index)).back(&message);
+            }
         }
+        posterior
     }
-    posterior
 }
 
 fn seconds_between(steps: &[Step], index: usize) -> f64 {
     (steps[index].centre_ns - steps[index - 1].centre_ns) as f64 * 1e-9
 }
 
-/// Likelihoods relative to the best offset.
-fn scaled(log_likelihood: &Offsets) -> Offsets {
-    let best = log_likelihood.iter().copied().fold(f64::MIN, f64::max);
-    log_likelihood.map(|nats| (nats - best).exp())
+/// What GNSS says of the offset.
+fn stationary(error: GnssError) -> Offsets {
+    let weights: Offsets = std::array::from_fn(|state| {
+        let z = offset_m(state) / error.sigma_m;
+        (-0.5 * z * z).exp()
+    });
+    let total: f64 = weights.iter().sum();
+    weights.map(|weight| weight / total)
 }
 
-/// What GNSS says of the offset, raised to a share of one draw.
-fn prior(share: f64) -> Offsets {
-    std::array::from_fn(|state| {
-        let z = offset_m(state) / PRIOR_SIGMA_M;
-        (-0.5 * z * z * share).exp()
-    })
-}
-
-/// Pointwise product, normalised to sum 1. A product that vanishes everywhere says nothing.
-fn multiply(belief: &mut Offsets, factor: &Offsets) {
+/// Pointwise product, normalised to sum 1; returns the sum before. A product that vanishes
+/// everywhere says nothing.
+fn multiply(belief: &mut Offsets, factor: &Offsets) -> f64 {
     let mut total = 0.0;
     for (belief, factor) in belief.iter_mut().zip(factor) {
         *belief *= factor;
@@ -230,36 +257,67 @@ fn multiply(belief: &mut Offsets, factor: &Offsets) {
     }
     if total > 0.0 {
         belief.iter_mut().for_each(|value| *value /= total);
+        total
     } else {
         belief.fill(1.0 / STATES as f64);
+        f64::MIN_POSITIVE
     }
 }
 
-/// The belief after some seconds: blurred by drift, with a little anywhere, drawn towards GNSS.
-fn drift(belief: &Offsets, seconds: f64) -> Offsets {
-    let sigma_m = DRIFT_M_PER_SQRT_S * seconds.sqrt();
-    let reach = ((3.0 * sigma_m / STEP_M).ceil() as usize).clamp(1, STATES);
-    let kernel: Vec<f64> = (0..=reach)
-        .map(|bins| {
-            let z = bins as f64 * STEP_M / sigma_m;
-            (-0.5 * z * z).exp()
-        })
-        .collect();
-    let mut blurred = [0.0; STATES];
-    for (state, &value) in belief.iter().enumerate() {
-        let (from, to) = (state.saturating_sub(reach), (state + reach).min(STATES - 1));
-        for (target, sum) in blurred.iter_mut().enumerate().take(to + 1).skip(from) {
-            *sum += value * kernel[target.abs_diff(state)];
+/// How the error moves in some seconds: it forgets a little and is driven a little
+/// (Ornstein-Uhlenbeck), and rarely jumps (multipath).
+struct Drift {
+    /// For each offset, the first reachable one and the chances from there on.
+    rows: Vec<(usize, Vec<f64>)>,
+    jump: f64,
+    anywhere: Offsets,
+}
+
+impl Drift {
+    fn new(error: GnssError, seconds: f64) -> Self {
+        let kept = (-seconds / error.memory_s).exp();
+        let sigma_m = (error.sigma_m * (1.0 - kept * kept).sqrt()).max(0.5 * STEP_M);
+        let reach_m = 3.5 * sigma_m;
+        let rows = (0..STATES).map(|from| {
+            let centre_m = kept * offset_m(from);
+            let state = |metres: f64| ((metres + REACH_M) / STEP_M).clamp(0.0, (STATES - 1) as f64);
+            let (first, last) = (state(centre_m - reach_m) as usize, state(centre_m + reach_m) as usize);
+            let weights: Vec<f64> = (first..=last)
+                .map(|to| {
+                    let z = (offset_m(to) - centre_m) / sigma_m;
+                    (-0.5 * z * z).exp()
+                })
+                .collect();
+            let total: f64 = weights.iter().sum();
+            (first, weights.iter().map(|weight| weight / total).collect())
+        });
+        Self {
+            rows: rows.collect(),
+            jump: (JUMPS_PER_S * seconds).min(1.0),
+            anywhere: stationary(error),
         }
     }
-    let total: f64 = blurred.iter().sum();
-    let jump = (JUMPS_PER_S * seconds).min(1.0);
-    let anywhere = jump / STATES as f64;
-    let gnss = prior((seconds / PRIOR_SECONDS).min(1.0));
-    for (value, gnss) in blurred.iter_mut().zip(gnss) {
-        *value = ((1.0 - jump) * *value / total + anywhere) * gnss;
+
+    /// The belief afterwards.
+    fn ahead(&self, belief: &Offsets) -> Offsets {
+        let mut moved = self.anywhere.map(|chance| self.jump * chance);
+        for (value, (first, weights)) in belief.iter().zip(&self.rows) {
+            for (to, weight) in moved[*first..].iter_mut().zip(weights) {
+                *to += (1.0 - self.jump) * value * weight;
+            }
+        }
+        moved
     }
-    blurred
+
+    /// What a message from afterwards says before.
+    fn back(&self, message: &Offsets) -> Offsets {
+        let jumped: f64 = message.iter().zip(&self.anywhere).map(|(m, chance)| m * chance).sum();
+        std::array::from_fn(|from| {
+            let (first, weights) = &self.rows[from];
+            let kept: f64 = message[*first..].iter().zip(weights).map(|(m, weight)| m * weight).sum();
+            (1.0 - self.jump) * kept + self.jump * jumped
+        })
+    }
 }
 
 /// The highest peak of a posterior.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
 use tilefold_schemas::log::{DetectionSpace, LogMessage};
 use tilefold_schemas::{SetAside, SetAsideKind};
-use tilefold_tiler::chunk::{WINDOW_NS, window_bounds_ns, window_of};
+use tilefold_tiler::chunk::{CONTEXT_NS, window_bounds_ns, window_of};
 use tilefold_tiler::recording::Recording;
 
 use crate::meter::{Meter, Stage};
@@ -191,7 +191,7 @@ impl Unit {
 
     /// Log times to read: the block, its context, and the slack between clocks.
     fn read_range_ns(&self) -> (i64, i64) {
-        let slack_ns = WINDOW_NS + MAX_CLOCK_GAP_NS;
+        let slack_ns = CONTEXT_NS + MAX_CLOCK_GAP_NS;
         (
             window_bounds_ns(self.windows.0).0.saturating_sub(slack_ns),
             window_bounds_ns(self.windows.1).0.saturating_add(slack_ns),
