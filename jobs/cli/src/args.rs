@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 use tilefold_engine::FusionModel;
 
 /// Finds where an HD map no longer matches the road, from the camera and GNSS logs of ordinary
 /// vehicles.
 ///
 /// Exit codes: 0 done; 1 failed, nothing has changed, safe to run again; 2 usage; 3 done, but
-/// something was set aside (listed by name, file, offset and reason).
+/// something was set aside (listed by name, file, offset and reason); 4 verify differs.
 #[derive(Debug, Parser)]
 #[command(name = "tilefold", version, max_term_width = 100)]
 pub(crate) struct Args {
@@ -25,6 +26,21 @@ pub(crate) struct Args {
     /// Threads; 0 takes all cores.
     #[arg(long, global = true, default_value_t = 0, env = "TILEFOLD_THREADS")]
     pub threads: usize,
+}
+
+impl Args {
+    /// The arguments of this process, with what clap cannot know of: which form is for which
+    /// command. Usage errors end the process with their exit code.
+    pub(crate) fn parse_checked() -> Self {
+        let args = Self::parse();
+        if args.format == Format::Geojson && !matches!(args.command, Command::Export { .. }) {
+            let why = "--format geojson is for `export`; this command prints `text` or `json`";
+            Self::command()
+                .error(ErrorKind::ArgumentConflict, why)
+                .exit();
+        }
+        args
+    }
 }
 
 /// Form of the result on standard output.
@@ -193,10 +209,11 @@ fn salt(text: &str) -> Result<Salt, String> {
         .chars()
         .filter_map(|digit| digit.to_digit(16))
         .collect();
-    if digits.len() != 64 || text.len() != 64 {
+    let count = text.chars().count();
+    if digits.len() != 64 || count != 64 {
         return Err(format!(
-            "it has {} characters; give 64 hexadecimal digits, e.g. from `openssl rand -hex 32`",
-            text.len()
+            "{} of its {count} characters are hexadecimal digits; give 64 of them and nothing else, e.g. from `openssl rand -hex 32`",
+            digits.len()
         ));
     }
     let mut bytes = [0; 32];

@@ -11,10 +11,13 @@ use tilefold_engine::{
     Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, records, run,
 };
 use tilefold_formats::geojson::{read_changes_file, write_changes};
-use tilefold_schemas::{ChangeRecord, LayerHeader, Verdict};
-use tilefold_store::{Snapshot, Store, TileFilter, digest_rows};
+use tilefold_schemas::layer::ElementRow;
+use tilefold_schemas::{
+    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting, Verdict,
+};
+use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, digest_rows};
 
-use crate::args::{Args, Command, Format};
+use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{demo, progress, table};
 
@@ -25,9 +28,6 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 /// # Errors
 /// It failed; nothing has changed.
 pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
-    if args.format == Format::Geojson && !matches!(args.command, Command::Export { .. }) {
-        return Err("--format geojson is for `export`; this command prints text or json".into());
-    }
     match &args.command {
         Command::Demo { out, seed } => demo::demo(args, out, *seed),
         Command::Init {
@@ -43,11 +43,11 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             init_store(args, store, map, &options)
         }
         Command::Run {
-            store: _,
+            store,
             logs,
             plan: true,
             ..
-        } => plan_logs(args, logs),
+        } => plan_logs(args, store, logs),
         Command::Run {
             store, logs, model, ..
         } => run_logs(args, store, logs, (*model).into()),
@@ -115,7 +115,8 @@ pub(crate) fn init_store(
     Ok(Outcome::with(&report.set_aside))
 }
 
-fn plan_logs(args: &Args, logs: &[PathBuf]) -> Result<Outcome> {
+fn plan_logs(args: &Args, store: &Path, logs: &[PathBuf]) -> Result<Outcome> {
+    Store::open(store.to_path_buf())?;
     let progress = progress::listener(args.progress);
     let plan = plan(logs, &Meter::default(), progress.as_ref());
     print(args, &plan, |plan| {
@@ -265,12 +266,58 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
 #[derive(Serialize)]
 struct Verification {
     version: i64,
-    digest: String,
+    /// Digest of the layers; null where they are damaged.
+    digest: Option<String>,
     ok: bool,
 }
 
 fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
     let snapshot = open(store, version)?;
+    // Every data file is read and held against its hash on the way.
+    let digest = sound_digest::<LayerHeader>(&snapshot)?;
+    let tables = [
+        digest.clone(),
+        sound_digest::<ChangeRecord>(&snapshot)?,
+        sound_digest::<EvidenceRow>(&snapshot)?,
+        sound_digest::<Sighting>(&snapshot)?,
+        sound_digest::<Footprint>(&snapshot)?,
+        sound_digest::<ChunkRow>(&snapshot)?,
+        sound_digest::<ElementRow>(&snapshot)?,
+    ];
+    let verification = Verification {
+        version: snapshot.version(),
+        digest,
+        ok: tables.iter().all(Option::is_some) && layers_fit(&snapshot)?,
+    };
+    print(args, &verification, |v| {
+        format!(
+            "version {}: {} {}",
+            v.version,
+            if v.ok { "ok" } else { "DIFFERS" },
+            v.digest.as_deref().unwrap_or("-")
+        )
+    })?;
+    Ok(if verification.ok {
+        Outcome::Done
+    } else {
+        Outcome::Differs
+    })
+}
+
+/// The digest of a table; none, and a line that says which file it is, where one is damaged.
+fn sound_digest<R: StoredTable>(snapshot: &Snapshot) -> Result<Option<String>> {
+    match snapshot.digest::<R>() {
+        Ok(digest) => Ok(Some(digest)),
+        Err(error @ (StoreError::Damaged { .. } | StoreError::Column { .. })) => {
+            eprintln!("{error}");
+            Ok(None)
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Whether every layer's header has the digest of its records.
+fn layers_fit(snapshot: &Snapshot) -> Result<bool> {
     let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
     let changes: Vec<ChangeRecord> = snapshot.read(TileFilter::All)?;
     let mut by_tile: std::collections::BTreeMap<i32, Vec<ChangeRecord>> =
@@ -293,20 +340,7 @@ fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
         ok = false;
         eprintln!("tile {tile} has change records but no layer header");
     }
-    let verification = Verification {
-        version: snapshot.version(),
-        digest: snapshot.digest::<LayerHeader>()?,
-        ok,
-    };
-    print(args, &verification, |v| {
-        format!(
-            "version {}: {} {}",
-            v.version,
-            if v.ok { "ok" } else { "DIFFERS" },
-            v.digest
-        )
-    })?;
-    Ok(if ok { Outcome::Done } else { Outcome::Differs })
+    Ok(ok)
 }
 
 fn export(

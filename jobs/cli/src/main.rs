@@ -9,8 +9,6 @@ mod table;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 use crate::args::Args;
 use crate::report::Outcome;
 
@@ -20,7 +18,7 @@ const EXIT_SET_ASIDE: u8 = 3;
 const EXIT_DIFFERS: u8 = 4;
 
 fn main() -> ExitCode {
-    let args = Args::parse();
+    let args = Args::parse_checked();
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build_global();

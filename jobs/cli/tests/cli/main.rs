@@ -1,0 +1,8 @@
+//! The program as it is called: exit codes, JSON, words, and what becomes of damaged input.
+
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
+mod commands;
+mod damage;
+mod errors;
+mod support;
