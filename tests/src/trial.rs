@@ -137,7 +137,7 @@ pub fn content_of(map: &Path, logs: &[PathBuf]) -> Content {
     trial.content()
 }
 
-/// A city of two short roads: seven drives by five vehicles, in both dialects.
+/// A city of one short road: seven drives by five vehicles, in both dialects.
 ///
 /// # Panics
 /// It cannot be written.
@@ -145,8 +145,8 @@ pub fn content_of(map: &Path, logs: &[PathBuf]) -> Content {
 pub fn small_city(into: &Path) -> CityFiles {
     let spec = CitySpec {
         seed: 5,
-        roads: 2,
-        road_length_m: 250.0,
+        roads: 1,
+        road_length_m: 400.0,
         changes_per_kind: 1,
         vehicles: 5,
         drives: 7,

@@ -14,8 +14,9 @@ use tilefold_schemas::{SetAside, SetAsideKind};
 use tilefold_tests::logs::{chunk_places, only_chunks, rewrite, small_chunks};
 use tilefold_tests::trial::{Content, Trial, content_of, small_city};
 
-/// The drive that is damaged. Its vehicle drives again later.
+/// The drive that is damaged, and those that are not. The first of them is of the same vehicle.
 const VICTIM: usize = 1;
+const OTHERS: [usize; 3] = [6, 0, 2];
 /// Name of the damaged file.
 const DAMAGED: &str = "damaged.mcap";
 
@@ -31,12 +32,9 @@ impl Case {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let city = small_city(folder.path());
-        let mut others = city.logs.clone();
-        let victim = rewrite(
-            &fs::read(others.remove(VICTIM)).unwrap(),
-            small_chunks(),
-            |_| true,
-        );
+        let others = OTHERS.map(|index| city.logs[index].clone()).to_vec();
+        let log = fs::read(&city.logs[VICTIM]).unwrap();
+        let victim = rewrite(&log, small_chunks(), |_| true);
         assert!(chunk_places(&victim).len() > 10);
         Self {
             folder,
@@ -89,43 +87,40 @@ fn losses(report: &RunReport, kind: SetAsideKind) -> Vec<&SetAside> {
 #[test]
 fn files_that_are_no_logs() {
     let case = Case::new();
-    let sound = case.sound();
-    for bytes in [
-        &b"lanes, signs and crosswalks\n"[..],
-        b"",
-        b"\x89MCAP",
-        &[0; 4096],
-    ] {
-        let (content, report) = case.damaged(bytes);
-        assert_eq!(content, sound);
-        let [loss] = &report.set_aside[..] else {
-            panic!("{:?}", report.set_aside)
-        };
-        assert_eq!(loss.kind, SetAsideKind::File);
-        assert!(loss.reason.contains("no MCAP file"), "{loss}");
+    let name = |name: &str| case.folder.path().join(name);
+    let bad = [
+        ("words.mcap", &b"lanes, signs and crosswalks\n"[..]),
+        ("empty.mcap", b""),
+        ("half_magic.mcap", b"\x89MCAP"),
+        ("zeros.mcap", &[0; 4096]),
+    ];
+    let mut logs = case.others.clone();
+    for (file, bytes) in bad {
+        fs::write(name(file), bytes).unwrap();
+        logs.push(name(file));
     }
-}
+    fs::create_dir(name("empty_folder")).unwrap();
+    logs.extend([name("gone.mcap"), name("empty_folder")]);
 
-#[test]
-fn files_that_are_not_there() {
-    let case = Case::new();
-    let sound = case.sound();
-    let empty = case.folder.path().join("empty");
-    fs::create_dir(&empty).unwrap();
-    for (path, why) in [
-        (case.folder.path().join("gone.mcap"), "exists"),
-        (empty, ".mcap"),
-    ] {
-        let trial = Trial::new(&case.city.before_map);
-        let report = trial.run(&[case.others.clone(), vec![path.clone()]].concat());
-        let [loss] = &report.set_aside[..] else {
-            panic!("{}: {:?}", path.display(), report.set_aside)
-        };
-        assert_eq!(loss.kind, SetAsideKind::File);
-        assert_eq!(loss.file, path.display().to_string());
-        assert!(loss.reason.contains(why), "{loss}");
-        assert_eq!(trial.content(), sound);
+    let trial = Trial::new(&case.city.before_map);
+    let report = trial.run(&logs);
+    assert_eq!(trial.content(), case.sound());
+    let files = losses(&report, SetAsideKind::File);
+    assert_eq!(files.len(), report.set_aside.len());
+    let reason = |file: &str| {
+        let path = name(file).display().to_string();
+        let loss = files.iter().find(|loss| loss.file == path);
+        loss.map_or("", |loss| loss.reason.as_str())
+    };
+    for (file, _) in bad {
+        assert!(reason(file).contains("no MCAP file"), "{file}: {files:?}");
     }
+    assert!(reason("gone.mcap").contains("exists"), "{files:?}");
+    assert!(
+        reason("empty_folder").contains("without .mcap"),
+        "{files:?}"
+    );
+    assert_eq!(files.len(), 6);
 }
 
 #[test]

@@ -3,30 +3,36 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
 
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use mcap::{Compression, WriteOptions};
-use tempfile::TempDir;
+use tempfile::tempdir;
 use tilefold_tests::logs::{copies, rewrite};
 use tilefold_tests::trial::{Content, Trial, content_of, real_data, small_city};
 
 /// Every so many real drives are tried. Odd, so that both dialects are among them.
 const REAL_STEP: usize = 37;
 
+/// Made once for all tests.
+static CASES: LazyLock<Vec<Case>> =
+    LazyLock::new(|| std::iter::once(Case::city()).chain(Case::real()).collect());
+
 /// A map, its drives, and what a store holds after one plain job over them.
 struct Case {
-    folder: TempDir,
+    name: &'static str,
     map: PathBuf,
     logs: Vec<PathBuf>,
     expected: Content,
 }
 
 impl Case {
-    fn new(folder: TempDir, map: PathBuf, logs: Vec<PathBuf>) -> Self {
+    fn new(name: &'static str, map: PathBuf, logs: Vec<PathBuf>) -> Self {
         let expected = content_of(&map, &logs);
-        assert!(expected.says_something(), "{expected:#?}");
+        assert!(expected.says_something(), "{name}: {expected:#?}");
         Self {
-            folder,
+            name,
             map,
             logs,
             expected,
@@ -34,14 +40,14 @@ impl Case {
     }
 
     fn city() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let city = small_city(folder.path());
-        Self::new(folder, city.before_map, city.logs)
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bytes");
+        let city = small_city(&folder);
+        Self::new("city", city.before_map, city.logs)
     }
 
     fn real() -> Option<Self> {
         let folder = real_data()?.join("deecamp");
-        let mut logs: Vec<PathBuf> = std::fs::read_dir(folder.join("logs"))
+        let mut logs: Vec<PathBuf> = fs::read_dir(folder.join("logs"))
             .unwrap()
             .map(|entry| entry.unwrap().path())
             .collect();
@@ -49,44 +55,27 @@ impl Case {
         let mut logs: Vec<PathBuf> = logs.into_iter().step_by(REAL_STEP).collect();
         // One with detections in pixels.
         logs.push(folder.join("trip_image_plane.mcap"));
-        let map = folder.join("before.osm");
-        Some(Self::new(tempfile::tempdir().unwrap(), map, logs))
-    }
-
-    fn all() -> Vec<(&'static str, Self)> {
-        let real = Self::real().map(|case| ("real drives", case));
-        std::iter::once(("city", Self::city()))
-            .chain(real)
-            .collect()
-    }
-
-    fn folder(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+        Some(Self::new("real drives", folder.join("before.osm"), logs))
     }
 
     /// Copies under other names, byte for byte; they sort the other way than the originals.
-    fn renamed(&self) -> Vec<PathBuf> {
+    fn renamed(&self, into: &Path) -> Vec<PathBuf> {
         let name = |index| format!("renamed_{:03}.mcap", 999 - index);
-        copies(&self.logs, &self.folder("renamed"), name, |log| log)
-    }
-
-    /// The same messages in another container.
-    fn rewritten(&self, name: &str, options: &WriteOptions) -> Vec<PathBuf> {
-        let change = |log: Vec<u8>| rewrite(&log, options.clone(), |_| true);
-        copies(&self.logs, &self.folder(name), file_name, change)
+        copies(&self.logs, into, name, |log| log)
     }
 
     #[track_caller]
     fn check(&self, what: &str, trial: &Trial) {
-        assert_eq!(trial.content(), self.expected, "{what}");
+        assert_eq!(trial.content(), self.expected, "{}: {what}", self.name);
     }
 
+    /// Runs these portions one after the other, each bringing something new.
     #[track_caller]
-    fn check_runs(&self, what: &str, runs: &[&[PathBuf]]) {
+    fn check_runs(&self, what: &str, portions: &[&[PathBuf]]) {
         let trial = Trial::new(&self.map);
-        for logs in runs {
+        for logs in portions {
             let report = trial.run(logs);
-            assert!(report.is_new_version, "{what}");
+            assert!(report.is_new_version, "{}: {what}", self.name);
         }
         self.check(what, &trial);
     }
@@ -106,64 +95,64 @@ fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
 
 #[test]
 fn any_number_of_threads() {
-    for (name, case) in Case::all() {
-        for threads in [1, 2, 5] {
+    for case in &*CASES {
+        for threads in [1, 2] {
             let content = with_threads(threads, || content_of(&case.map, &case.logs));
-            assert_eq!(content, case.expected, "{name} on {threads} threads");
+            assert_eq!(content, case.expected, "{} on {threads} threads", case.name);
         }
     }
 }
 
 #[test]
 fn any_order() {
-    for (name, case) in Case::all() {
+    for case in &*CASES {
         let reversed: Vec<PathBuf> = case.logs.iter().rev().cloned().collect();
-        case.check_runs(&format!("{name}, given in reverse"), &[&reversed]);
-        // Their names, too, are in reverse.
-        case.check_runs(&format!("{name}, renamed"), &[&case.renamed()]);
+        case.check_runs("given in reverse", &[&reversed]);
+        let folder = tempdir().unwrap();
+        case.check_runs("names in reverse", &[&case.renamed(folder.path())]);
     }
 }
 
 #[test]
 fn any_portions() {
-    for (name, case) in Case::all() {
+    for case in &*CASES {
         let (first, second) = case.logs.split_at(case.logs.len() / 2);
-        case.check_runs(&format!("{name} in two halves"), &[first, second]);
-        case.check_runs(&format!("{name}, second half first"), &[second, first]);
-        let overlapping = &case.logs[case.logs.len() / 3..];
-        case.check_runs(&format!("{name}, overlapping"), &[first, overlapping]);
+        case.check_runs("in two halves", &[first, second]);
+        case.check_runs("second half first", &[second, first]);
         let one_by_one: Vec<&[PathBuf]> = case.logs.chunks(1).collect();
-        case.check_runs(&format!("{name}, a drive at a time"), &one_by_one);
+        case.check_runs("a drive at a time", &one_by_one);
     }
 }
 
 #[test]
 fn the_same_again_adds_nothing() {
-    for (name, case) in Case::all() {
+    for case in &*CASES {
+        let folder = tempdir().unwrap();
         let trial = Trial::new(&case.map);
         let first = trial.run(&case.logs);
-        assert!(first.is_new_version && first.chunks_mapped > 0, "{name}");
-        for logs in [&case.logs, &case.renamed()] {
+        assert!(first.is_new_version && first.chunks_mapped > 0);
+        for logs in [&case.logs, &case.renamed(folder.path())] {
             let again = trial.run(logs);
             assert_eq!(
                 (again.version, again.is_new_version, again.chunks_mapped),
                 (first.version, false, 0),
-                "{name}"
+                "{}",
+                case.name
             );
-            assert_eq!(again.chunks_known as usize, first.chunks_mapped, "{name}");
+            assert_eq!(again.chunks_known as usize, first.chunks_mapped);
         }
-        case.check(name, &trial);
+        case.check("again", &trial);
     }
 }
 
 #[test]
 fn every_drive_twice_under_another_name() {
-    for (name, case) in Case::all() {
-        let twice = [case.logs.clone(), case.renamed()].concat();
+    for case in &*CASES {
+        let folder = tempdir().unwrap();
+        let twice = [case.logs.clone(), case.renamed(folder.path())].concat();
         let trial = Trial::new(&case.map);
-        let report = trial.run(&twice);
-        assert!(report.duplicate_messages > 0, "{name}");
-        case.check(name, &trial);
+        assert!(trial.run(&twice).duplicate_messages > 0);
+        case.check("twice", &trial);
     }
 }
 
@@ -177,77 +166,67 @@ fn any_container() {
                 .compression(Some(Compression::Lz4)),
         ),
         (
-            "one large chunk, zstd",
+            "one chunk, zstd",
             WriteOptions::new()
                 .chunk_size(None)
                 .compression(Some(Compression::Zstd)),
         ),
         (
-            "chunks as they are, stored",
+            "stored chunks, no summary",
             WriteOptions::new()
-                .chunk_size(Some(100_000))
-                .compression(None),
-        ),
-        ("no chunks", WriteOptions::new().use_chunks(false)),
-        (
-            "no summary",
-            WriteOptions::new()
+                .compression(None)
                 .emit_statistics(false)
                 .emit_summary_records(false),
         ),
+        ("no chunks", WriteOptions::new().use_chunks(false)),
     ];
-    for (name, case) in Case::all() {
+    for case in &*CASES {
         let known = Trial::new(&case.map);
         let version = known.run(&case.logs).version;
-        for (clothing, options) in &clothes {
-            let what = format!("{name}: {clothing}");
-            let logs = case.rewritten(clothing, options);
-            let trial = Trial::new(&case.map);
-            let report = trial.run(&logs);
-            assert_eq!(report.logs, logs.len(), "{what}");
-            case.check(&what, &trial);
+        for (what, options) in &clothes {
+            let folder = tempdir().unwrap();
+            let logs = copies(&case.logs, folder.path(), file_name, |log| {
+                rewrite(&log, options.clone(), |_| true)
+            });
+            case.check_runs(what, &[&logs]);
             // To a store that has the drives already, they are nothing new.
             assert_eq!(known.run(&logs).version, version, "{what}");
         }
-        case.check(name, &known);
+        case.check("known", &known);
     }
 }
 
-/// The messages of a log in a stretch of its time, as a share of it.
-fn stretch(log: &[u8], share: std::ops::Range<f64>) -> Vec<u8> {
-    let mut times = Vec::new();
-    let _ = rewrite(log, WriteOptions::new(), |message| {
-        times.push(message.log_time);
-        true
-    });
-    let (from, to) = (*times.iter().min().unwrap(), *times.iter().max().unwrap());
-    rewrite(log, WriteOptions::new(), |message| {
-        share.contains(&((message.log_time - from) as f64 / (to - from + 1) as f64))
-    })
-}
-
-fn parts(case: &Case, name: &str, share: &std::ops::Range<f64>) -> Vec<PathBuf> {
-    copies(&case.logs, &case.folder(name), file_name, |log| {
-        stretch(&log, share.clone())
+/// The drives' messages in a stretch of their time, as a share of it.
+fn parts(case: &Case, into: &Path, share: &std::ops::Range<f64>) -> Vec<PathBuf> {
+    copies(&case.logs, into, file_name, |log| {
+        let mut times = Vec::new();
+        let _ = rewrite(&log, WriteOptions::new(), |message| {
+            times.push(message.log_time);
+            false
+        });
+        let (from, to) = (*times.iter().min().unwrap(), *times.iter().max().unwrap());
+        rewrite(&log, WriteOptions::new(), |message| {
+            share.contains(&((message.log_time - from) as f64 / (to - from + 1) as f64))
+        })
     })
 }
 
 #[test]
 fn a_drive_in_parts() {
-    for (name, case) in Case::all() {
-        let head = parts(&case, "head", &(0.0..0.6));
-        let tail = parts(&case, "tail", &(0.4..1.0));
+    for case in &*CASES {
+        let folder = tempdir().unwrap();
+        let head = parts(case, &folder.path().join("head"), &(0.0..0.6));
+        let tail = parts(case, &folder.path().join("tail"), &(0.4..1.0));
         let both = [head.clone(), tail].concat();
-        case.check_runs(&format!("{name} in overlapping parts"), &[&both]);
+        case.check_runs("in overlapping parts", &[&both]);
         // What a part said is replaced by what the whole says.
-        case.check_runs(&format!("{name}, parts first"), &[&head, &case.logs]);
+        case.check_runs("a part first", &[&head, &case.logs]);
     }
 }
 
 #[test]
-fn another_map_or_fewer_drives_is_told_apart() {
-    let case = Case::city();
-    let after: &Path = &case.folder("after.osm");
-    assert_ne!(content_of(after, &case.logs), case.expected);
-    assert_ne!(content_of(&case.map, &case.logs[1..]), case.expected);
+fn fewer_drives_are_told_apart() {
+    for case in &*CASES {
+        assert_ne!(content_of(&case.map, &case.logs[1..]), case.expected);
+    }
 }
