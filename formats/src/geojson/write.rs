@@ -48,7 +48,7 @@ fn feature(record: &ChangeRecord) -> Result<String, GeoJsonError> {
 
 fn properties(record: &ChangeRecord, verdict: Verdict, kind: ElementKind) -> Map<String, Value> {
     let change = format!("{:016x}", record.change);
-    let rows: [(&str, Value); 19] = [
+    let rows: [(&str, Value); 20] = [
         ("element_id", record.element.into()),
         ("change_type", verdict.name().into()),
         ("kind", kind.name().into()),
