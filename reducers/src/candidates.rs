@@ -12,10 +12,12 @@ use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use tilefold_schemas::{ChangeRecord, ElementKind, Footprint, Sighting, Verdict, fixed, wkb};
 use tilefold_tiler::geodesy::LocalFrame;
-use tilefold_tiler::map_index::bounds;
+use tilefold_tiler::map_index::{MapIndex, bounds};
+use tilefold_tiler::side::side_visibility;
+use tilefold_tiler::station::Polyline;
 use tilefold_tiler::tile::tile_of;
 
-use crate::calibrated::{CONTAMINATION, DETECTION};
+use crate::calibrated::CONTAMINATION;
 use crate::chain;
 use crate::elements::{SECTION_M, round_degrees};
 
@@ -31,14 +33,18 @@ const MAX_GAP_M: f64 = 12.0;
 const MIN_SEED_VEHICLES: usize = 2;
 /// A vehicle's sighting within this distance along the line is a hit, in metres.
 const HIT_REACH_M: f64 = 6.0;
+/// P(sighting | a line is there, fully visible).
+const DETECTION: f64 = 0.8;
 /// P(sighting | nothing there): clutter that lasts long enough for a track.
 const CLUTTER: f64 = 0.1;
 /// Prior that a place where something was sighted has paint that the map lacks.
 const PRIOR_ADDED: f64 = 0.02;
 /// Neighbouring sections share their passes: see `elements`.
 const WORTH: f64 = 1.0 / 3.0;
-/// A candidate is at least this long, in metres.
-const MIN_LENGTH_M: f64 = 8.0;
+/// Paint this near to a mapped line is no line of its own, in metres: no lane is narrower.
+const BESIDE_M: f64 = 1.9;
+/// A candidate is at least this long, in metres: clutter runs along with a vehicle for a while.
+const MIN_LENGTH_M: f64 = 35.0;
 /// A footprint shows a place if it is in its range widened by half a sample, in metres.
 const RANGE_SLACK_M: f64 = 3.0;
 
@@ -51,6 +57,8 @@ struct Vertex {
     vehicle: i64,
     /// Index of its sighting within the component.
     sighting: usize,
+    /// Squared mean visibility: what is seen from the side is placed worse.
+    weight: f64,
 }
 
 /// A line that was followed, in the plane of its component.
@@ -66,10 +74,11 @@ struct Followed {
 pub fn judge(
     sightings: &[Sighting],
     footprints: &[Footprint],
+    map: &MapIndex,
     tile_level: u32,
     model_name: &str,
 ) -> Vec<ChangeRecord> {
-    let looks = LookIndex::new(footprints);
+    let looks = LookIndex::new(footprints, map);
     let mut records: Vec<ChangeRecord> = components(sightings)
         .into_iter()
         .flat_map(|component| judge_component(&component, &looks, tile_level, model_name))
@@ -157,6 +166,7 @@ fn judge_component(
 fn plane_vertices(component: &[&Sighting], frame: &LocalFrame) -> Vec<Vertex> {
     let mut vertices = Vec::new();
     for (index, sighting) in component.iter().enumerate() {
+        let visibility = fixed::to_f64(sighting.sum_v_fx) / f64::from(sighting.frames.max(1));
         let points: Vec<[f64; 2]> = vertices_of(sighting)
             .iter()
             .map(|&[lon, lat, _]| {
@@ -175,6 +185,7 @@ fn plane_vertices(component: &[&Sighting], frame: &LocalFrame) -> Vec<Vertex> {
                     along,
                     vehicle: sighting.vehicle,
                     sighting: index,
+                    weight: visibility * visibility,
                 });
             }
         }
@@ -237,7 +248,7 @@ struct Window {
 #[derive(Default)]
 struct Gathered {
     /// Sum of offsets, of directions and count, per vehicle.
-    by_vehicle: BTreeMap<i64, (f64, [f64; 2], f64, BTreeSet<usize>)>,
+    by_vehicle: BTreeMap<i64, (f64, [f64; 2], f64, BTreeSet<usize>, f64)>,
 }
 
 impl Window {
@@ -281,10 +292,11 @@ impl Window {
             }
             let (_, across) = self.coordinates(vertex.at);
             let entry = gathered.by_vehicle.entry(vertex.vehicle).or_default();
-            entry.0 += across;
-            entry.1[0] += vertex.along[0] * dot.signum();
-            entry.1[1] += vertex.along[1] * dot.signum();
-            entry.2 += 1.0;
+            entry.0 += vertex.weight * across;
+            entry.1[0] += vertex.weight * vertex.along[0] * dot.signum();
+            entry.1[1] += vertex.weight * vertex.along[1] * dot.signum();
+            entry.2 += vertex.weight;
+            entry.4 = entry.4.max(vertex.weight);
             entry.3.insert(vertex.sighting);
         }
         gathered
@@ -292,26 +304,29 @@ impl Window {
 }
 
 impl Gathered {
-    /// Median over vehicles of their mean offsets, and the mean direction.
+    /// Weighted median over vehicles of their mean offsets, and the mean direction.
     fn middle(&self) -> Option<(f64, [f64; 2])> {
-        let mut offsets: Vec<f64> = self.by_vehicle.values().map(|v| v.0 / v.2).collect();
-        offsets.sort_by(f64::total_cmp);
-        let (low, high) = (
-            offsets.get((offsets.len().max(1) - 1) / 2)?,
-            offsets.get(offsets.len() / 2)?,
-        );
+        let vehicles = self.by_vehicle.values().filter(|v| v.2 > 0.0);
+        let mut offsets: Vec<(f64, f64)> = vehicles.map(|v| (v.0 / v.2, v.4)).collect();
+        offsets.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let half = 0.5 * offsets.iter().map(|(_, weight)| weight).sum::<f64>();
+        let mut below = 0.0;
+        let middle = offsets.iter().find(|(_, weight)| {
+            below += weight;
+            below >= half
+        })?;
         let mut sum = [0.0; 2];
-        for (_, direction, count, _) in self.by_vehicle.values() {
-            sum[0] += direction[0] / count;
-            sum[1] += direction[1] / count;
+        for (_, direction, total, _, weight) in self.by_vehicle.values().filter(|v| v.2 > 0.0) {
+            sum[0] += weight * direction[0] / total;
+            sum[1] += weight * direction[1] / total;
         }
-        Some((0.5 * (low + high), unit(sum)?))
+        Some((middle.0, unit(sum)?))
     }
 
     fn seen_by(self) -> BTreeMap<i64, BTreeSet<usize>> {
         let vehicles = self.by_vehicle.into_iter();
         vehicles
-            .map(|(vehicle, (_, _, _, sightings))| (vehicle, sightings))
+            .map(|(vehicle, (_, _, _, sightings, _))| (vehicle, sightings))
             .collect()
     }
 }
@@ -374,19 +389,41 @@ fn use_up(line: &Followed, tree: &VertexTree, vertices: &[Vertex], free: &mut [b
 /// Footprints by place, in degrees.
 struct LookIndex<'a> {
     footprints: &'a [Footprint],
+    map: &'a MapIndex,
     tree: RTree<GeomWithData<[f64; 2], usize>>,
 }
 
 impl<'a> LookIndex<'a> {
-    fn new(footprints: &'a [Footprint]) -> Self {
+    fn new(footprints: &'a [Footprint], map: &'a MapIndex) -> Self {
         let places = footprints
             .iter()
             .enumerate()
             .map(|(index, footprint)| GeomWithData::new(degrees(footprint), index));
         Self {
             footprints,
+            map,
             tree: RTree::bulk_load(places.collect()),
         }
+    }
+
+    /// Whether a mapped line runs so near to a place that paint there is that line, moved or seen
+    /// double.
+    fn is_beside_mapped(&self, place: [f64; 2], frame: &LocalFrame) -> bool {
+        let reach = |sign: f64| {
+            let corner = place.map(|value| value + sign * BESIDE_M);
+            let [lon, lat, _] = frame.to_wgs84([corner[0], corner[1], 0.0]);
+            [lon, lat]
+        };
+        let around = self.map.within(reach(-1.0), reach(1.0));
+        let lines = around
+            .iter()
+            .filter(|mapped| mapped.element.kind == ElementKind::LaneMarking);
+        lines.into_iter().any(|mapped| {
+            let points = mapped.element.points.iter();
+            let plane = points.map(|&[lon, lat, _]| frame.to_enu([lon, lat, 0.0]));
+            let line = Polyline::new(plane.collect::<Vec<_>>());
+            line.is_ok_and(|line| line.project(place).distance_m <= BESIDE_M)
+        })
     }
 
     /// How well each vehicle looked at a place: its best sample.
@@ -445,14 +482,9 @@ fn visibility(footprint: &Footprint, place: [f64; 2], frame: &LocalFrame) -> Opt
     let metres = |mm: i32| f64::from(mm) * 1e-3;
     let in_range = metres(footprint.range_from_mm) - RANGE_SLACK_M <= ahead_m
         && ahead_m <= metres(footprint.range_to_mm) + RANGE_SLACK_M;
-    // Falls from full at the near side to nothing at the reach, as the map stage sees it.
-    let reach_m = if left_m >= 0.0 {
-        metres(footprint.left_mm)
-    } else {
-        -metres(footprint.right_mm)
-    };
-    let side = ((reach_m - left_m.abs()) / (reach_m * 0.38)).clamp(0.0, 1.0);
-    (in_range && side > 0.05).then(|| side * fixed::to_f64(footprint.v_fx))
+    let in_reach = metres(footprint.right_mm) <= left_m && left_m <= metres(footprint.left_mm);
+    let side = side_visibility(left_m);
+    (in_range && in_reach).then(|| side * fixed::to_f64(footprint.v_fx))
 }
 
 /// Splits a followed line into sections, judges each against the looks, and makes a record of
@@ -471,16 +503,20 @@ fn judge_line(
         .iter()
         .map(|&start| SectionLooks::new(line, start, nodes_per_section, frame, looks))
         .collect();
-    let logs: Vec<[f64; 2]> = judged
+    let logs: Vec<Vec<f64>> = judged
         .iter()
-        .map(|section| [0.0, WORTH * section.nats()])
+        .map(|section| vec![0.0, WORTH * section.nats()])
         .collect();
     let prior = [1.0 - PRIOR_ADDED, PRIOR_ADDED];
-    let posterior = chain::posterior(&logs, &prior, &[[1.0, 0.0], [0.0, 1.0]]);
+    let posterior = chain::posterior(&logs, &prior, &[vec![1.0, 0.0], vec![0.0, 1.0]]);
     let mut records = Vec::new();
     let mut from = 0;
     while from < judged.len() {
-        let size = posterior[from..].iter().take_while(|p| p[1] >= 0.5).count();
+        let size = posterior[from..]
+            .iter()
+            .zip(&judged[from..])
+            .take_while(|(p, section)| p[1] >= 0.5 && !section.is_beside_mapped)
+            .count();
         let to = from + size;
         if size > 0 {
             let nodes = (
@@ -506,6 +542,7 @@ fn judge_line(
 
 /// What every vehicle that looked at a section says.
 struct SectionLooks {
+    is_beside_mapped: bool,
     /// Vehicle, its look, whether it saw the line.
     looks: BTreeMap<i64, (Look, bool)>,
 }
@@ -526,8 +563,10 @@ impl SectionLooks {
                 .iter()
                 .any(|s| s.contains_key(vehicle))
         };
+        let is_beside_mapped = looks.is_beside_mapped(line.nodes[middle], frame);
         let looks = looks.visibility(line.nodes[middle], frame);
         Self {
+            is_beside_mapped,
             looks: looks
                 .into_iter()
                 .map(|(vehicle, look)| (vehicle, (look, saw(&vehicle))))

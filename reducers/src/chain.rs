@@ -10,19 +10,17 @@ const BOUNDARY: f64 = 0.03;
 /// Posterior of every state at every section, from log-likelihoods in nats and the prior.
 /// `kin[a][b]` is the chance of state `b` after state `a` where no boundary lies between them.
 #[must_use]
-pub fn posterior<const N: usize>(
-    log_likelihoods: &[[f64; N]],
-    prior: &[f64; N],
-    kin: &[[f64; N]; N],
-) -> Vec<[f64; N]> {
-    let likelihoods: Vec<[f64; N]> = log_likelihoods.iter().map(scaled).collect();
+pub fn posterior(log_likelihoods: &[Vec<f64>], prior: &[f64], kin: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let likelihoods: Vec<Vec<f64>> = log_likelihoods.iter().map(|logs| scaled(logs)).collect();
     let size = likelihoods.len();
-    let mut forward: Vec<[f64; N]> = Vec::with_capacity(size);
+    let mut forward: Vec<Vec<f64>> = Vec::with_capacity(size);
     for likelihood in &likelihoods {
-        let before = forward.last().map_or(*prior, |last| step(last, prior, kin));
+        let before = forward
+            .last()
+            .map_or_else(|| prior.to_vec(), |last| step(last, prior, kin));
         forward.push(product(&before, likelihood));
     }
-    let mut backward = [1.0; N];
+    let mut backward = vec![1.0; prior.len()];
     for index in (0..size).rev() {
         forward[index] = product(&forward[index], &backward);
         let beyond = product(&backward, &likelihoods[index]);
@@ -31,63 +29,61 @@ pub fn posterior<const N: usize>(
     forward
 }
 
-fn scaled<const N: usize>(logs: &[f64; N]) -> [f64; N] {
+fn scaled(logs: &[f64]) -> Vec<f64> {
     let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    logs.map(|log| libm::exp(log - most))
+    logs.iter().map(|log| libm::exp(log - most)).collect()
 }
 
 /// Pointwise product, normalised.
-fn product<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
-    let products: [f64; N] = std::array::from_fn(|state| a[state] * b[state]);
+fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let products: Vec<f64> = a.iter().zip(b).map(|(a, b)| a * b).collect();
     let total: f64 = products.iter().sum();
     if total > 0.0 {
-        products.map(|value| value / total)
+        products.iter().map(|value| value / total).collect()
     } else {
-        [1.0 / N as f64; N]
+        vec![1.0 / a.len() as f64; a.len()]
     }
 }
 
-fn step<const N: usize>(belief: &[f64; N], prior: &[f64; N], kin: &[[f64; N]; N]) -> [f64; N] {
-    std::array::from_fn(|to| {
-        let kept: f64 = (0..N).map(|from| belief[from] * kin[from][to]).sum();
-        (1.0 - BOUNDARY) * kept + BOUNDARY * prior[to]
-    })
+fn step(belief: &[f64], prior: &[f64], kin: &[Vec<f64>]) -> Vec<f64> {
+    let mut next: Vec<f64> = prior.iter().map(|chance| BOUNDARY * chance).collect();
+    for (from, row) in belief.iter().zip(kin) {
+        for (to, chance) in next.iter_mut().zip(row) {
+            *to += (1.0 - BOUNDARY) * from * chance;
+        }
+    }
+    next
 }
 
-fn step_back<const N: usize>(
-    message: &[f64; N],
-    prior: &[f64; N],
-    kin: &[[f64; N]; N],
-) -> [f64; N] {
-    let anew: f64 = (0..N).map(|to| prior[to] * message[to]).sum();
-    std::array::from_fn(|from| {
-        let kept: f64 = (0..N).map(|to| kin[from][to] * message[to]).sum();
-        (1.0 - BOUNDARY) * kept + BOUNDARY * anew
-    })
+fn step_back(message: &[f64], prior: &[f64], kin: &[Vec<f64>]) -> Vec<f64> {
+    let dot = |row: &[f64]| -> f64 { row.iter().zip(message).map(|(a, b)| a * b).sum() };
+    let anew = dot(prior);
+    kin.iter()
+        .map(|row| (1.0 - BOUNDARY) * dot(row) + BOUNDARY * anew)
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const ALIKE: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
-
     /// By hand: all 2^3 paths.
     #[test]
     fn equals_the_sum_over_all_paths() {
-        let logs = [[0.0_f64, -1.0], [0.0, 0.0], [-2.0, 0.0]];
+        let logs = [vec![0.0_f64, -1.0], vec![0.0, 0.0], vec![-2.0, 0.0]];
+        let alike = [vec![1.0, 0.0], vec![0.0, 1.0]];
         let prior = [0.9, 0.1];
         let mut by_hand = [[0.0; 2]; 3];
         for path in 0..8_usize {
             let state = |section: usize| path >> section & 1;
             let mut weight = prior[state(0)];
             for section in 1..3 {
-                let alike = if state(section) == state(section - 1) {
+                let same = if state(section) == state(section - 1) {
                     1.0
                 } else {
                     0.0
                 };
-                weight *= (1.0 - BOUNDARY) * alike + BOUNDARY * prior[state(section)];
+                weight *= (1.0 - BOUNDARY) * same + BOUNDARY * prior[state(section)];
             }
             for (section, log) in logs.iter().enumerate() {
                 weight *= log[state(section)].exp();
@@ -96,7 +92,7 @@ mod tests {
                 sums[state(section)] += weight;
             }
         }
-        for (found, sums) in posterior(&logs, &prior, &ALIKE).iter().zip(by_hand) {
+        for (found, sums) in posterior(&logs, &prior, &alike).iter().zip(by_hand) {
             let total = sums[0] + sums[1];
             assert!((found[0] - sums[0] / total).abs() < 1e-12);
         }

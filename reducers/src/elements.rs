@@ -7,7 +7,7 @@ use tilefold_schemas::{ChangeRecord, ElementKind, EvidenceRow, Verdict, fixed, w
 use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::{Polyline, section_count, section_range};
 
-use crate::calibrated::{self, Claim, STATES};
+use crate::calibrated::{self, Claim, State};
 use crate::chain;
 use crate::paper;
 use crate::passes::{Pass, passes};
@@ -93,15 +93,21 @@ fn judge_paper(section: &Vec<Pass>) -> Judged {
 fn judge_calibrated(sections: &[Vec<Pass>]) -> Vec<Judged> {
     let states = calibrated::states();
     let [removed, shifted] = PRIOR_CHANGE;
-    let prior = states.map(|(claim, share)| match claim {
-        Claim::Removed => share * removed,
-        Claim::InPlace { .. } => share * (1.0 - removed - shifted),
-        Claim::Shifted { .. } => share * shifted,
-    });
-    let worth = SECTION_M / CORRELATION_LENGTH_M;
-    let logs: Vec<[f64; STATES]> = sections
+    let prior: Vec<f64> = states
         .iter()
-        .map(|passes| calibrated::log_likelihoods(passes).map(|fx| worth * fixed::to_f64(fx)))
+        .map(|state| match state.claim {
+            Claim::Removed => state.share * removed,
+            Claim::InPlace { .. } => state.share * (1.0 - removed - shifted),
+            Claim::Shifted { .. } => state.share * shifted,
+        })
+        .collect();
+    let worth = SECTION_M / CORRELATION_LENGTH_M;
+    let logs: Vec<Vec<f64>> = sections
+        .iter()
+        .map(|passes| {
+            let sums = calibrated::log_likelihoods(passes, &states).into_iter();
+            sums.map(|fx| worth * fixed::to_f64(fx)).collect()
+        })
         .collect();
     let posterior = chain::posterior(&logs, &prior, &kin(&states));
     posterior
@@ -110,29 +116,33 @@ fn judge_calibrated(sections: &[Vec<Pass>]) -> Vec<Judged> {
         .collect()
 }
 
-/// Within a claim, the offset may wander to the next one from section to section.
-fn kin(states: &[(Claim, f64); STATES]) -> [[f64; STATES]; STATES] {
-    let affinity = |a: &Claim, b: &Claim| match (a, b) {
+/// Within a claim, offset and detectability may wander to the next ones from section to section.
+fn kin(states: &[State]) -> Vec<Vec<f64>> {
+    let near = |a: f64, b: f64, scale: f64| {
+        let z = (a - b) / scale;
+        libm::exp(-0.5 * z * z)
+    };
+    let affinity = |a: &State, b: &State| match (a.claim, b.claim) {
         (Claim::Removed, Claim::Removed) => 1.0,
-        (Claim::InPlace { offset_m: a }, Claim::InPlace { offset_m: b })
-        | (Claim::Shifted { offset_m: a }, Claim::Shifted { offset_m: b }) => {
-            let z = (a - b) / 0.1;
-            libm::exp(-0.5 * z * z)
+        (Claim::InPlace { offset_m: p }, Claim::InPlace { offset_m: q })
+        | (Claim::Shifted { offset_m: p }, Claim::Shifted { offset_m: q }) => {
+            near(p, q, 0.1) * near(a.detection, b.detection, 0.15)
         }
         _ => 0.0,
     };
-    std::array::from_fn(|from| {
-        let row: [f64; STATES] = std::array::from_fn(|to| affinity(&states[from].0, &states[to].0));
+    let row = |from: &State| {
+        let row: Vec<f64> = states.iter().map(|to| affinity(from, to)).collect();
         let total: f64 = row.iter().sum();
-        row.map(|value| value / total)
-    })
+        row.iter().map(|value| value / total).collect()
+    };
+    states.iter().map(row).collect()
 }
 
-fn merge_states(posterior: &[f64; STATES], states: &[(Claim, f64); STATES]) -> Judged {
+fn merge_states(posterior: &[f64], states: &[State]) -> Judged {
     let mut merged = [0.0; 4];
     let (mut sum, mut square) = (0.0, 0.0);
-    for (p, (claim, _)) in posterior.iter().zip(states) {
-        match claim {
+    for (p, state) in posterior.iter().zip(states) {
+        match state.claim {
             Claim::InPlace { .. } => merged[0] += p,
             Claim::Removed => merged[2] += p,
             Claim::Shifted { offset_m } => {

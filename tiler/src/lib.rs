@@ -5,5 +5,6 @@ pub mod geodesy;
 pub mod map_index;
 pub mod mgrs;
 pub mod recording;
+pub mod side;
 pub mod station;
 pub mod tile;

@@ -4,10 +4,11 @@
 use tilefold_schemas::evidence::METHOD_VERSION;
 use tilefold_schemas::{ChunkId, Footprint, fixed};
 use tilefold_tiler::geodesy::LocalFrame;
+use tilefold_tiler::side::FAR_SIDE_M;
 use tilefold_tiler::tile::{TileError, tile_of};
 
 use crate::testify::{Frame, MIN_CONFIDENCE};
-use crate::visibility::{Zone, side_reach_m};
+use crate::visibility::Zone;
 
 /// Way between samples, in metres.
 const SAMPLE_M: f64 = 5.0;
@@ -86,8 +87,8 @@ impl Footprints {
                 frames: sample.frames,
                 range_from_mm: (from_m * 1e3) as i32,
                 range_to_mm: (to_m * 1e3) as i32,
-                left_mm: (side_reach_m() * 1e3) as i32,
-                right_mm: (-side_reach_m() * 1e3) as i32,
+                left_mm: (FAR_SIDE_M * 1e3) as i32,
+                right_mm: (-FAR_SIDE_M * 1e3) as i32,
                 v_fx: fixed::from_f64(sample.sum_v / f64::from(sample.frames)),
             })
         };

@@ -24,4 +24,5 @@ pub mod sight;
 pub mod testify;
 pub mod visibility;
 
-pub use map_chunk::{Evidence, MapContext, map_chunk};
+pub use clock::ClockPrior;
+pub use map_chunk::{Evidence, MapContext, lag_scores, map_chunk};

@@ -4,7 +4,7 @@ use tilefold_schemas::{EvidenceRow, Footprint, SetAside, SetAsideKind, Sighting}
 use tilefold_tiler::chunk::Chunk;
 use tilefold_tiler::map_index::MapIndex;
 
-use crate::clock;
+use crate::clock::{self, ClockPrior, LagScores};
 use crate::cuts::CrossCut;
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
@@ -28,6 +28,8 @@ pub struct MapContext {
     pub map: MapIndex,
     /// Level of the tiles that evidence is keyed by.
     pub tile_level: u32,
+    /// What is known of the lag between detections and positions.
+    pub clock_prior: ClockPrior,
 }
 
 /// What a chunk testifies.
@@ -59,8 +61,7 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
         without_camera_ns,
     } = SeenFrames::collect(recording, &tree);
     let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
-    let clock = clock::estimate(&frames, &trajectory, &map);
-    if std::env::var("DBG").is_ok() { eprintln!("CLOCK {} {} {:.2} {:.3}", chunk.id.vehicle.0, chunk.id.window, clock.lag_ns as f64*1e-9, clock.confidence); }
+    let clock = clock::estimate(&frames, &trajectory, &map, context.clock_prior);
     let (mut looks, without_pose_ns) = place(frames, &trajectory, clock.lag_ns);
     let mut evidence = Evidence {
         set_aside: losses(chunk, clock.lag_ns, &without_pose_ns, &without_camera_ns),
@@ -113,6 +114,19 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
         .into_rows(chunk.id, &local_frame, &zone, level)
         .unwrap_or_default();
     Ok(evidence)
+}
+
+/// How well each lag between detections and positions explains a chunk; none if it cannot tell.
+/// This is what a [`ClockPrior`] is fitted to.
+#[must_use]
+pub fn lag_scores(chunk: &Chunk, context: &MapContext) -> Option<LagScores> {
+    let recording = &chunk.recording;
+    let tree = FrameTree::new(&recording.static_transforms);
+    let local_frame = Trajectory::anchor(recording).ok()?;
+    let trajectory = Trajectory::estimate(recording, &local_frame, &tree).ok()?;
+    let frames = SeenFrames::collect(recording, &tree).frames;
+    let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
+    clock::scores(&frames, &trajectory, &map)
 }
 
 /// Lateral positions of all looks, and the error of their poses.

@@ -376,14 +376,20 @@ fn without_bias(yaws: Vec<(i64, f64)>, courses: &[(i64, f64)]) -> Vec<(i64, f64)
     for &(stamp_ns, _) in &differences {
         if stamp_ns >= next_ns {
             let within = |&&(at, _): &&(i64, f64)| (at - stamp_ns).abs() <= BIAS_WINDOW_NS;
-            let around = differences.iter().filter(within).map(|&(_, difference)| difference);
+            let around = differences
+                .iter()
+                .filter(within)
+                .map(|&(_, difference)| difference);
             knots.push((stamp_ns, median(around.collect())));
             next_ns = stamp_ns + 1_000_000_000;
         }
     }
     let bias_at = |stamp_ns: i64| {
         let after = knots.partition_point(|&(at, _)| at < stamp_ns);
-        let (Some(b), Some(a)) = (knots.get(after).or(knots.last()), knots.get(after.saturating_sub(1))) else {
+        let (Some(b), Some(a)) = (
+            knots.get(after).or(knots.last()),
+            knots.get(after.saturating_sub(1)),
+        ) else {
             return 0.0;
         };
         if b.0 <= a.0 {
@@ -392,7 +398,9 @@ fn without_bias(yaws: Vec<(i64, f64)>, courses: &[(i64, f64)]) -> Vec<(i64, f64)
         let share = ((stamp_ns - a.0) as f64 / (b.0 - a.0) as f64).clamp(0.0, 1.0);
         a.1 + share * wrap_angle(b.1 - a.1)
     };
-    yaws.iter().map(|&(stamp_ns, yaw)| (stamp_ns, yaw + bias_at(stamp_ns))).collect()
+    yaws.iter()
+        .map(|&(stamp_ns, yaw)| (stamp_ns, yaw + bias_at(stamp_ns)))
+        .collect()
 }
 
 /// Headings from the smoothed track, where the vehicle moves.

@@ -23,8 +23,10 @@ const STEP_NS: i64 = 500_000_000;
 const OUTLIERS: f64 = 0.3;
 /// Clutter lies anywhere over this width, in metres.
 const CLUTTER_WIDTH_M: f64 = 10.0;
-/// Independent looks that one step is worth, however many frames it has.
-const LOOKS_PER_STEP: f64 = 1.0;
+/// Independent looks that one step is worth, however many frames it has: frames of seconds see the
+/// same paint, the same edit, the same kerb. A stiff chain is what keeps an edited line from
+/// dragging the vehicle along.
+const LOOKS_PER_STEP: f64 = 0.2;
 /// A step is worth its full looks if the vehicle moved this far, in metres.
 const FULL_STEP_M: f64 = 4.0;
 /// Chance that the error jumps anywhere within a second (multipath).
@@ -88,7 +90,13 @@ pub fn register(glances: &[Glance<'_>]) -> Vec<Registration> {
     let kinds = GnssError::KINDS.iter();
     let chains = kinds.map(|error| Chain::run(&steps, *error));
     // The first of equals, so that nothing to go by means the better receiver.
-    let best = chains.reduce(|a, b| if b.log_likelihood > a.log_likelihood { b } else { a });
+    let best = chains.reduce(|a, b| {
+        if b.log_likelihood > a.log_likelihood {
+            b
+        } else {
+            a
+        }
+    });
     let Some(best) = best.filter(|_| !steps.is_empty()) else {
         return Vec::new();
     };
@@ -281,7 +289,10 @@ impl Drift {
         let rows = (0..STATES).map(|from| {
             let centre_m = kept * offset_m(from);
             let state = |metres: f64| ((metres + REACH_M) / STEP_M).clamp(0.0, (STATES - 1) as f64);
-            let (first, last) = (state(centre_m - reach_m) as usize, state(centre_m + reach_m) as usize);
+            let (first, last) = (
+                state(centre_m - reach_m) as usize,
+                state(centre_m + reach_m) as usize,
+            );
             let weights: Vec<f64> = (first..=last)
                 .map(|to| {
                     let z = (offset_m(to) - centre_m) / sigma_m;
@@ -311,10 +322,18 @@ impl Drift {
 
     /// What a message from afterwards says before.
     fn back(&self, message: &Offsets) -> Offsets {
-        let jumped: f64 = message.iter().zip(&self.anywhere).map(|(m, chance)| m * chance).sum();
+        let jumped: f64 = message
+            .iter()
+            .zip(&self.anywhere)
+            .map(|(m, chance)| m * chance)
+            .sum();
         std::array::from_fn(|from| {
             let (first, weights) = &self.rows[from];
-            let kept: f64 = message[*first..].iter().zip(weights).map(|(m, weight)| m * weight).sum();
+            let kept: f64 = message[*first..]
+                .iter()
+                .zip(weights)
+                .map(|(m, weight)| m * weight)
+                .sum();
             (1.0 - self.jump) * kept + self.jump * jumped
         })
     }

@@ -10,12 +10,12 @@ use std::collections::BTreeMap;
 use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
 use tilefold_schemas::{ChunkId, ElementKind, Sighting, fixed, wkb};
 use tilefold_tiler::geodesy::LocalFrame;
+use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::tile::{TileError, tile_of};
 
 use crate::cuts::{CutLine, RANGES_M};
 use crate::matching::IN_PLACE_M;
 use crate::testify::{Frame, MIN_CONFIDENCE};
-use crate::visibility::side_visibility;
 
 /// Length of a bin along the way, in metres.
 const BIN_M: f64 = 2.0;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
 use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
+use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::station::section_of;
 
 use crate::cuts::{CrossCut, CutLine};
@@ -12,12 +13,12 @@ use crate::local_map::{LocalLine, LocalMap};
 use crate::look::Look;
 use crate::matching::{IN_PLACE_M, Match, Matches};
 use crate::register::Registration;
-use crate::visibility::{Zone, side_visibility};
+use crate::visibility::Zone;
 
 /// Length of a section in metres (S in method.md, section 1).
 pub const SECTION_M: f64 = 10.0;
 /// Frames whose registration is less sure than this testify nothing.
-pub const MIN_CONFIDENCE: f64 = 0.6;
+pub const MIN_CONFIDENCE: f64 = 0.3;
 /// A section less visible than this was not exposed.
 const MIN_VISIBILITY: f64 = 0.05;
 /// The paper's v_min: exposures below it enter none of its sums.

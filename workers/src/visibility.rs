@@ -3,14 +3,9 @@
 use crate::cuts::{CutLine, RANGES_M};
 use crate::look::Look;
 
-/// A line this near to the vehicle's axis is seen as well as any, in metres.
-const NEAR_SIDE_M: f64 = 2.6;
-/// A line this far to the side says nothing, in metres: it is seen now and then, but its place is
-/// uncertain by half a metre and more.
-const FAR_SIDE_M: f64 = 4.2;
-/// Lateral noise of a line beside the vehicle, in metres, and its growth beyond the near side.
-const NEAR_SIGMA_M: f64 = 0.15;
-const SIGMA_GROWTH: f64 = 0.2;
+/// Lateral noise of a line under the vehicle, in metres, and its growth to the side.
+const NEAR_SIGMA_M: f64 = 0.08;
+const SIGMA_GROWTH: f64 = 0.04;
 /// A range belongs to the zone if it has at least this share of the sightings of the best range.
 const ZONE_SHARE: f64 = 0.5;
 
@@ -56,21 +51,9 @@ impl Zone {
     }
 }
 
-/// V_dist of a line at a lateral distance: 1 beside the vehicle, falling to 0 two lanes away.
-#[must_use]
-pub fn side_visibility(lateral_m: f64) -> f64 {
-    ((FAR_SIDE_M - lateral_m.abs()) / (FAR_SIDE_M - NEAR_SIDE_M)).clamp(0.0, 1.0)
-}
-
-/// How far to the side anything is seen, in metres.
-#[must_use]
-pub fn side_reach_m() -> f64 {
-    FAR_SIDE_M
-}
-
 /// Lateral noise of a seen line, in metres: on flat-ground projection an error of pitch or height
 /// moves a line in proportion to its distance to the side.
 #[must_use]
 pub fn line_sigma_m(lateral_m: f64) -> f64 {
-    NEAR_SIGMA_M + SIGMA_GROWTH * (lateral_m.abs() - NEAR_SIDE_M).max(0.0)
+    NEAR_SIGMA_M + SIGMA_GROWTH * lateral_m.abs()
 }

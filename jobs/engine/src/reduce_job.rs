@@ -8,7 +8,7 @@ use tilefold_schemas::{
     ChangeRecord, EvidenceRow, Footprint, LayerHeader, Sighting, TileId, Verdict,
 };
 use tilefold_store::digest_rows;
-use tilefold_tiler::map_index::MappedElement;
+use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
 use crate::error::EngineError;
 use crate::meter::{Meter, Stage};
@@ -28,10 +28,11 @@ pub struct Layer {
 pub fn additions(
     sightings: &[Sighting],
     footprints: &[Footprint],
+    map: &MapIndex,
     tile_level: u32,
     model: FusionModel,
 ) -> Vec<ChangeRecord> {
-    candidates::judge(sightings, footprints, tile_level, model.name())
+    candidates::judge(sightings, footprints, map, tile_level, model.name())
 }
 
 /// Reduces `tiles`: all that they own of elements, rows and additions.

@@ -12,12 +12,12 @@ use tilefold_schemas::{
 };
 use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
-use tilefold_workers::MapContext;
+use tilefold_workers::{ClockPrior, MapContext};
 
 use crate::base_map;
 use crate::error::EngineError;
 use crate::logs::Catalogue;
-use crate::map_job::{KnownChunks, MapOutput, map_units};
+use crate::map_job::{KnownChunks, MapOutput, fit_clock, map_units};
 use crate::meter::{Meter, Stage, StageReport};
 use crate::progress::Progress;
 use crate::reduce_job::{Layer, additions, reduce_tiles};
@@ -99,12 +99,18 @@ pub fn run(
     let catalogue = Catalogue::open(logs, &meter, progress);
     let units = catalogue.units();
     let vehicles: BTreeSet<&str> = units.iter().map(|unit| unit.vehicle.as_str()).collect();
-    let context = MapContext {
+    let mut context = MapContext {
         map: MapIndex::new(read_elements(&snapshot, tile_level)?),
         tile_level,
+        clock_prior: ClockPrior::default(),
     };
     let known_rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
     let salt = &store.properties().salt;
+    // Fitted once, by the first run with drives, and kept: evidence is comparable ever after.
+    context.clock_prior = match clock_prior(&snapshot) {
+        Some(prior) => prior,
+        None => fit_clock(&catalogue, &units, salt, &context, &meter),
+    };
     let mapped = map_units(
         &catalogue,
         &units,
@@ -129,8 +135,9 @@ pub fn run(
     };
     let transaction = store.begin_from(snapshot)?;
     let update = Update {
-        elements: context.map.elements(),
+        map: &context.map,
         tile_level,
+        clock_prior: context.clock_prior,
         model,
         meter: &meter,
         progress,
@@ -142,6 +149,17 @@ pub fn run(
     report.stages = meter.report();
     report.wall_s = meter.elapsed_s();
     Ok(report)
+}
+
+/// Commit parameter that keeps the clock prior.
+const CLOCK_PRIOR: &str = "fleet_lag_s";
+
+/// The clock prior that the version was made with; none before the first run.
+fn clock_prior(snapshot: &Snapshot) -> Option<ClockPrior> {
+    let kept = snapshot.info().parameters.get(CLOCK_PRIOR)?;
+    Some(ClockPrior {
+        fleet_lag_s: kept.as_i64(),
+    })
 }
 
 fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
@@ -211,8 +229,9 @@ testified!(EvidenceRow, Sighting, Footprint);
 
 /// From mapped chunks to a committed version.
 struct Update<'a> {
-    elements: &'a [MappedElement],
+    map: &'a MapIndex,
     tile_level: u32,
+    clock_prior: ClockPrior,
     model: FusionModel,
     meter: &'a Meter,
     progress: &'a dyn Progress,
@@ -255,13 +274,19 @@ impl Update<'_> {
         transaction.overwrite(chunks)?;
 
         let additions = self.meter.time(Stage::Reduce, || {
-            additions(&sightings, &footprints, self.tile_level, self.model)
+            additions(
+                &sightings,
+                &footprints,
+                self.map,
+                self.tile_level,
+                self.model,
+            )
         });
         let tiles = self.dirty_tiles(&base, &touched, &additions)?;
         let rows = self.rows_of(&base, &tiles, &touched, rows)?;
         let layers = reduce_tiles(
             &tiles,
-            self.elements,
+            self.map.elements(),
             &rows,
             &additions,
             self.model,
@@ -272,7 +297,10 @@ impl Update<'_> {
         let version = self.meter.time(Stage::Commit, || {
             write_layers(&mut transaction, &tiles, layers)?;
             let model = self.model.name().to_owned();
-            let parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
+            let parameters = Parameters::from([
+                ("fusion_model".to_owned(), model.into()),
+                (CLOCK_PRIOR.to_owned(), self.clock_prior.fleet_lag_s.into()),
+            ]);
             Ok::<_, EngineError>(transaction.commit("run", parameters)?)
         })?;
         self.meter.count(Stage::Commit, tiles.len() as u64, 0);
@@ -414,17 +442,25 @@ pub fn records(snapshot: &Snapshot, model: FusionModel) -> Result<Vec<ChangeReco
         return Ok(snapshot.read(TileFilter::All)?);
     }
     let tile_level = u32::from(snapshot.store().properties().tile_level);
-    let elements = read_elements(snapshot, tile_level)?;
+    let map = MapIndex::new(read_elements(snapshot, tile_level)?);
     let rows: Vec<EvidenceRow> = snapshot.read(TileFilter::All)?;
     let sightings: Vec<Sighting> = snapshot.read(TileFilter::All)?;
     let footprints: Vec<Footprint> = snapshot.read(TileFilter::All)?;
-    let additions = additions(&sightings, &footprints, tile_level, model);
-    let owners = elements.iter().map(|element| element.tile);
+    let additions = additions(&sightings, &footprints, &map, tile_level, model);
+    let owners = map.elements().iter().map(|element| element.tile);
     let tiles: BTreeSet<TileId> = owners
         .chain(additions.iter().map(|record| TileId(record.tile)))
         .collect();
     let meter = Meter::default();
     let silent = crate::progress::Silent;
-    let layers = reduce_tiles(&tiles, &elements, &rows, &additions, model, &meter, &silent)?;
+    let layers = reduce_tiles(
+        &tiles,
+        map.elements(),
+        &rows,
+        &additions,
+        model,
+        &meter,
+        &silent,
+    )?;
     Ok(layers.into_iter().flat_map(|layer| layer.records).collect())
 }
