@@ -244,11 +244,21 @@ struct Window {
     along: [f64; 2],
 }
 
+/// What one vehicle saw in a window: weighted sums over its vertices.
+#[derive(Default)]
+struct SeenByVehicle {
+    across: f64,
+    along: [f64; 2],
+    weight: f64,
+    /// The clearest of its vertices: what the vehicle counts for among others.
+    best_weight: f64,
+    sightings: BTreeSet<usize>,
+}
+
 /// What was seen in a window.
 #[derive(Default)]
 struct Gathered {
-    /// Sum of offsets, of directions and count, per vehicle.
-    by_vehicle: BTreeMap<i64, (f64, [f64; 2], f64, BTreeSet<usize>, f64)>,
+    by_vehicle: BTreeMap<i64, SeenByVehicle>,
 }
 
 impl Window {
@@ -292,12 +302,12 @@ impl Window {
             }
             let (_, across) = self.coordinates(vertex.at);
             let entry = gathered.by_vehicle.entry(vertex.vehicle).or_default();
-            entry.0 += vertex.weight * across;
-            entry.1[0] += vertex.weight * vertex.along[0] * dot.signum();
-            entry.1[1] += vertex.weight * vertex.along[1] * dot.signum();
-            entry.2 += vertex.weight;
-            entry.4 = entry.4.max(vertex.weight);
-            entry.3.insert(vertex.sighting);
+            entry.across += vertex.weight * across;
+            entry.along[0] += vertex.weight * vertex.along[0] * dot.signum();
+            entry.along[1] += vertex.weight * vertex.along[1] * dot.signum();
+            entry.weight += vertex.weight;
+            entry.best_weight = entry.best_weight.max(vertex.weight);
+            entry.sightings.insert(vertex.sighting);
         }
         gathered
     }
@@ -306,27 +316,29 @@ impl Window {
 impl Gathered {
     /// Weighted median over vehicles of their mean offsets, and the mean direction.
     fn middle(&self) -> Option<(f64, [f64; 2])> {
-        let vehicles = self.by_vehicle.values().filter(|v| v.2 > 0.0);
-        let mut offsets: Vec<(f64, f64)> = vehicles.map(|v| (v.0 / v.2, v.4)).collect();
+        let vehicles = || self.by_vehicle.values().filter(|seen| seen.weight > 0.0);
+        let mut offsets: Vec<(f64, f64)> = vehicles()
+            .map(|seen| (seen.across / seen.weight, seen.best_weight))
+            .collect();
         offsets.sort_by(|a, b| a.0.total_cmp(&b.0));
         let half = 0.5 * offsets.iter().map(|(_, weight)| weight).sum::<f64>();
         let mut below = 0.0;
-        let middle = offsets.iter().find(|(_, weight)| {
+        let (across, _) = *offsets.iter().find(|(_, weight)| {
             below += weight;
             below >= half
         })?;
-        let mut sum = [0.0; 2];
-        for (_, direction, total, _, weight) in self.by_vehicle.values().filter(|v| v.2 > 0.0) {
-            sum[0] += weight * direction[0] / total;
-            sum[1] += weight * direction[1] / total;
+        let mut along = [0.0; 2];
+        for seen in vehicles() {
+            along[0] += seen.best_weight * seen.along[0] / seen.weight;
+            along[1] += seen.best_weight * seen.along[1] / seen.weight;
         }
-        Some((middle.0, unit(sum)?))
+        Some((across, unit(along)?))
     }
 
     fn seen_by(self) -> BTreeMap<i64, BTreeSet<usize>> {
         let vehicles = self.by_vehicle.into_iter();
         vehicles
-            .map(|(vehicle, (_, _, _, sightings, _))| (vehicle, sightings))
+            .map(|(vehicle, seen)| (vehicle, seen.sightings))
             .collect()
     }
 }
@@ -652,7 +664,7 @@ fn record(
         })?;
     Some(ChangeRecord {
         tile: tile_of(vertices[0][0], vertices[0][1], tile_level).ok()?.0,
-        change: candidate_id(earliest, from, line),
+        change: candidate_id(earliest, from),
         element: None,
         content: 0,
         kind: ElementKind::LaneMarking.code(),
@@ -684,11 +696,11 @@ fn record(
     })
 }
 
-/// The id of a candidate: of its earliest sighting, and of which stretch of the line it is.
-fn candidate_id(earliest: &Sighting, from: usize, line: &Followed) -> i64 {
-    let is_part = usize::from(from > 0 || line.nodes.is_empty()) * from;
+/// The id of a candidate: of its earliest sighting, and of the node of the followed line at which
+/// the stretch begins.
+fn candidate_id(earliest: &Sighting, from: usize) -> i64 {
     tilefold_schemas::id::hash_text(&format!(
-        "{}:{}:{}:{}:{is_part}",
+        "{}:{}:{}:{}:{from}",
         earliest.vehicle, earliest.channel, earliest.first_ns, earliest.track
     ))
 }

@@ -54,7 +54,7 @@ pub fn judge(
     };
     let sections = by_section(rows, mapped, count);
     let judged = match model {
-        FusionModel::Paper => sections.iter().map(|p| judge_paper(p)).collect(),
+        FusionModel::Paper => sections.iter().map(judge_paper).collect(),
         FusionModel::Calibrated => judge_calibrated(&sections),
     };
     stretches(&judged, &sections)

@@ -98,7 +98,7 @@ table! {
         pub tile: i32,
         /// Digest of the canonical content of the tile's change records.
         pub digest: String,
-        /// Digest of the evidence, sightings and footprints it was derived from.
+        /// Digest of the tile's ledger rows that it was derived from.
         pub evidence_digest: String,
         /// Fusion model.
         pub fusion_model: String,

@@ -47,8 +47,7 @@ impl Banded {
                 self.first[i] = first / self.diagonal[i - 1];
                 self.diagonal[i] -= first * self.first[i];
             }
-            // Also refuses NaN, which compares as false.
-            if !(self.diagonal[i] > 0.0) {
+            if self.diagonal[i].is_nan() || self.diagonal[i] <= 0.0 {
                 return None;
             }
         }

@@ -180,7 +180,8 @@ impl Ahead {
     /// not run along the vehicle's direction.
     fn cut(&self, range_m: f64) -> Option<(f64, f64)> {
         // A segment square to the vehicle has an infinite or undefined slope: refused here.
-        if !(self.slope.abs() <= MAX_SLOPE) || range_m < self.near_m || range_m >= self.far_m {
+        let is_along = self.slope.abs() <= MAX_SLOPE;
+        if !is_along || range_m < self.near_m || range_m >= self.far_m {
             return None;
         }
         let ahead_m = range_m - self.from[0];

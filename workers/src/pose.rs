@@ -295,8 +295,8 @@ fn smooth_once(fixes: &Fixes, weights: &[f64]) -> Option<Vec<[f64; 2]>> {
     for i in 0..size {
         let information = weights[i] / fixes.sigmas_m[i].powi(2);
         normal.diagonal[i] += information;
-        for axis in 0..2 {
-            rhs[axis][i] += information * fixes.positions_m[i][axis];
+        for (rhs, position_m) in rhs.iter_mut().zip(fixes.positions_m[i]) {
+            rhs[i] += information * position_m;
         }
     }
     for i in 2..size {

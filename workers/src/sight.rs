@@ -132,7 +132,7 @@ impl Sightings {
         self.closed.append(&mut self.open);
         self.closed
             .retain(|track| track.frames >= MIN_FRAMES && track.bins.len() >= MIN_BINS);
-        self.closed.sort_by(|a, b| a.order().cmp(&b.order()));
+        self.closed.sort_by_key(Track::order);
         let tracks = self.closed.into_iter().zip(0..);
         tracks
             .map(|(track, number)| track.into_row(number, chunk, frame, tile_level))
