@@ -70,7 +70,7 @@ fn the_bytes_of_a_change() {
         r#"{"type":"Feature","id":"fffffffffffffffe","properties":{"element_id":1004,"#,
         r#""change_type":"removed","kind":"lane_marking","from_m":20.0,"to_m":50.5,"#,
         r#""p_no_change":0.01,"p_added":0.0,"p_removed":0.98,"p_modified":0.01,"vehicles":12,"#,
-        r#""passes":14,"exposed":2000,"first_seen":"2024-02-29T12:00:00.123Z","#,
+        r#""passes":14,"exposed":2000,"hit":3,"first_seen":"2024-02-29T12:00:00.123Z","#,
         r#""last_seen":"2024-02-29T12:00:01.000Z","shift_m":-1.25,"shift_sigma_m":null,"#,
         r#""tile":-2100350681,"change":"fffffffffffffffe","fusion_model":"calibrated"},"#,
         r#""geometry":{"type":"LineString","coordinates":[[8.400000000,49.000000000],"#,

@@ -24,14 +24,8 @@ const MIN_LAG_CELLS: i64 = -8;
 const MAX_LAG_CELLS: i64 = 64;
 /// Below this many cells with frames and poses, no lag can be told.
 const MIN_CELLS: usize = 24;
-/// Prior of "no lag" against all others together, before a fleet was seen.
-const NO_LAG_PRIOR: f64 = 0.5;
-/// Spread of the lags of a fleet about their common value, in cells (2 s).
-const FLEET_SPREAD_CELLS: f64 = 8.0;
-/// Share of drives whose lag has nothing to do with that of their fleet.
-const STRANGERS: f64 = 0.1;
-/// A fleet's lag is believed if it explains the drives better than "no lag" by this much, in nats.
-const FLEET_MARGIN: f64 = 20.0;
+/// Prior of "no lag" against all others together.
+const NO_LAG_PRIOR: f64 = 0.99;
 /// A lag within this many cells of the chosen one puts frames within a section of the right place.
 const PEAK_CELLS: i64 = 5;
 
@@ -39,70 +33,19 @@ const PEAK_CELLS: i64 = 5;
 /// explain the whole drive, so its evidence counts for more.
 const LAG_WEIGHT: f64 = 2.0;
 
-/// What is known of a channel's lag before a drive is looked at: a part of the sensor model,
-/// fitted to a fleet and kept with the store.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct ClockPrior {
-    /// The fleet's common lag in seconds; none: the clocks are taken to agree unless a drive
-    /// says otherwise.
-    pub fleet_lag_s: Option<i64>,
-}
-
-impl ClockPrior {
-    /// Fits the common lag of a fleet to the scores of its chunks. Whole seconds: finer than what
-    /// drives of one fleet agree on, and coarse enough that a few drives more do not move it.
-    #[must_use]
-    pub fn fit(chunks: &[LagScores]) -> Self {
-        let explained = |prior: Self| -> f64 {
-            let of = chunks.iter().map(|scores| prior.log_evidence(scores));
-            of.sum()
-        };
-        let cells_per_s = 1_000_000_000 / CELL_NS;
-        let seconds = MIN_LAG_CELLS / cells_per_s..=MAX_LAG_CELLS / cells_per_s;
-        let best = seconds
-            .map(|second| Self {
-                fleet_lag_s: Some(second),
-            })
-            .map(|prior| (explained(prior), prior))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        match best {
-            Some((nats, prior)) if nats > explained(Self::default()) + FLEET_MARGIN => prior,
-            _ => Self::default(),
-        }
-    }
-
-    /// Log-prior of a lag in cells, in nats.
-    fn nats(self, lag: i64) -> f64 {
-        let uniform = 1.0 / (MAX_LAG_CELLS - MIN_LAG_CELLS) as f64;
-        let density = match self.fleet_lag_s {
-            Some(seconds) => {
-                let z = (lag - seconds * (1_000_000_000 / CELL_NS)) as f64 / FLEET_SPREAD_CELLS;
-                let height = 1.0 / (FLEET_SPREAD_CELLS * std::f64::consts::TAU.sqrt());
-                (1.0 - STRANGERS) * height * (-0.5 * z * z).exp() + STRANGERS * uniform
-            }
-            None if lag == 0 => NO_LAG_PRIOR,
-            None => (1.0 - NO_LAG_PRIOR) * uniform,
-        };
-        density.ln()
-    }
-
-    /// Log-likelihood of a chunk under the prior, each tried lag standing for its neighbours.
-    fn log_evidence(self, scores: &LagScores) -> f64 {
-        let joint: Vec<f64> = scores
-            .iter()
-            .map(|&(lag, nats)| nats + self.nats(lag))
-            .collect();
-        let most = joint.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        most + joint
-            .iter()
-            .map(|nats| (nats - most).exp())
-            .sum::<f64>()
-            .ln()
-    }
+/// Log-prior of a lag in cells, in nats.
+fn prior_nats(lag: i64) -> f64 {
+    let others = (MAX_LAG_CELLS - MIN_LAG_CELLS) as f64;
+    let density = if lag == 0 {
+        NO_LAG_PRIOR
+    } else {
+        (1.0 - NO_LAG_PRIOR) / others
+    };
+    density.ln()
 }
 
 /// Lags in cells with the log-likelihood of the frames under each, in nats.
-pub type LagScores = Vec<(i64, f64)>;
+type LagScores = Vec<(i64, f64)>;
 
 /// The offset between two clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,30 +56,17 @@ pub struct ClockOffset {
     pub confidence: f64,
 }
 
-/// Log-likelihoods of the lags on the coarse grid; none if there is too little to tell any.
-#[must_use]
-pub fn scores(
-    frames: &[SeenFrame],
-    trajectory: &Trajectory,
-    map: &LocalMap<'_>,
-) -> Option<LagScores> {
-    let cells = Cells::new(frames, trajectory, map);
-    (cells.judged.len() >= MIN_CELLS).then(|| cells.coarse())
-}
-
 /// Estimates the lag of `frames` behind `trajectory`.
 #[must_use]
-pub fn estimate(
-    frames: &[SeenFrame],
-    trajectory: &Trajectory,
-    map: &LocalMap<'_>,
-    prior: ClockPrior,
-) -> ClockOffset {
+pub fn estimate(frames: &[SeenFrame], trajectory: &Trajectory, map: &LocalMap<'_>) -> ClockOffset {
     let cells = Cells::new(frames, trajectory, map);
     if cells.judged.len() < MIN_CELLS {
-        return prior.alone();
+        return ClockOffset {
+            lag_ns: 0,
+            confidence: 1.0,
+        };
     }
-    let with_prior = |(lag, nats): (i64, f64)| (lag, nats + prior.nats(lag));
+    let with_prior = |(lag, nats): (i64, f64)| (lag, nats + prior_nats(lag));
     let coarse: LagScores = cells.coarse().into_iter().map(with_prior).collect();
     let best = |scores: &[(i64, f64)]| {
         let better =
@@ -161,23 +91,6 @@ pub fn estimate(
     ClockOffset {
         lag_ns: lag * CELL_NS,
         confidence: inside / (inside + outside),
-    }
-}
-
-impl ClockPrior {
-    /// What is believed of a drive that cannot tell its lag.
-    fn alone(self) -> ClockOffset {
-        match self.fleet_lag_s {
-            None => ClockOffset {
-                lag_ns: 0,
-                confidence: 1.0,
-            },
-            // The fleet's spread is wider than a section: the drive is about there, not surely.
-            Some(seconds) => ClockOffset {
-                lag_ns: seconds * 1_000_000_000,
-                confidence: 0.5,
-            },
-        }
     }
 }
 

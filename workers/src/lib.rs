@@ -24,5 +24,4 @@ pub mod sight;
 pub mod testify;
 pub mod visibility;
 
-pub use clock::ClockPrior;
-pub use map_chunk::{Evidence, MapContext, lag_scores, map_chunk};
+pub use map_chunk::{Evidence, MapContext, map_chunk};

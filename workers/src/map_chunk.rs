@@ -4,7 +4,7 @@ use tilefold_schemas::{EvidenceRow, Footprint, SetAside, SetAsideKind, Sighting}
 use tilefold_tiler::chunk::Chunk;
 use tilefold_tiler::map_index::MapIndex;
 
-use crate::clock::{self, ClockPrior, LagScores};
+use crate::clock;
 use crate::cuts::CrossCut;
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
@@ -28,8 +28,6 @@ pub struct MapContext {
     pub map: MapIndex,
     /// Level of the tiles that evidence is keyed by.
     pub tile_level: u32,
-    /// What is known of the lag between detections and positions.
-    pub clock_prior: ClockPrior,
 }
 
 /// What a chunk testifies.
@@ -61,7 +59,7 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
         without_camera_ns,
     } = SeenFrames::collect(recording, &tree);
     let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
-    let clock = clock::estimate(&frames, &trajectory, &map, context.clock_prior);
+    let clock = clock::estimate(&frames, &trajectory, &map);
     let (mut looks, without_pose_ns) = place(frames, &trajectory, clock.lag_ns);
     let mut evidence = Evidence {
         set_aside: losses(chunk, clock.lag_ns, &without_pose_ns, &without_camera_ns),
@@ -114,19 +112,6 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
         .into_rows(chunk.id, &local_frame, &zone, level)
         .unwrap_or_default();
     Ok(evidence)
-}
-
-/// How well each lag between detections and positions explains a chunk; none if it cannot tell.
-/// This is what a [`ClockPrior`] is fitted to.
-#[must_use]
-pub fn lag_scores(chunk: &Chunk, context: &MapContext) -> Option<LagScores> {
-    let recording = &chunk.recording;
-    let tree = FrameTree::new(&recording.static_transforms);
-    let local_frame = Trajectory::anchor(recording).ok()?;
-    let trajectory = Trajectory::estimate(recording, &local_frame, &tree).ok()?;
-    let frames = SeenFrames::collect(recording, &tree).frames;
-    let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
-    clock::scores(&frames, &trajectory, &map)
 }
 
 /// Lateral positions of all looks, and the error of their poses.

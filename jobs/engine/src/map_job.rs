@@ -7,7 +7,7 @@ use tilefold_schemas::evidence::METHOD_VERSION;
 use tilefold_schemas::{ChunkId, ChunkRow, SetAside, SetAsideKind, VehicleKey};
 use tilefold_tiler::chunk::{self, Chunk};
 use tilefold_tiler::recording::{Recording, between};
-use tilefold_workers::{ClockPrior, Evidence, MapContext, lag_scores, map_chunk};
+use tilefold_workers::{Evidence, MapContext, map_chunk};
 
 use crate::logs::{Catalogue, Unit};
 use crate::meter::{Meter, Stage};
@@ -123,41 +123,6 @@ fn map_unit(
         }
     }
     output
-}
-
-/// Units that a clock prior is fitted to at most.
-const MAX_FITTED_UNITS: usize = 256;
-
-/// Fits the common lag of a fleet's detections behind its positions, from one chunk a unit: the
-/// one with the most frames around it.
-#[must_use]
-pub fn fit_clock(
-    catalogue: &Catalogue,
-    units: &[Unit],
-    salt: &[u8; 32],
-    context: &MapContext,
-    meter: &Meter,
-) -> ClockPrior {
-    let scores: Vec<_> = units
-        .par_iter()
-        .take(MAX_FITTED_UNITS)
-        .map(|unit| {
-            let read = unit.read(catalogue, meter);
-            let vehicle = VehicleKey::new(salt, &unit.vehicle);
-            let chunks = read.channels.iter().flat_map(|(topic, recording)| {
-                let windows = chunk::windows(recording).into_iter();
-                windows.filter_map(move |window| chunk::cut(recording, vehicle, topic, window))
-            });
-            let fullest = chunks.max_by_key(|chunk| {
-                (
-                    chunk.recording.detections.len(),
-                    std::cmp::Reverse(chunk.id),
-                )
-            });
-            fullest.and_then(|chunk| meter.time(Stage::Map, || lag_scores(&chunk, context)))
-        })
-        .collect();
-    ClockPrior::fit(&scores.into_iter().flatten().collect::<Vec<_>>())
 }
 
 /// Whether the store has the chunk already, from these messages or from more of them.

@@ -12,12 +12,12 @@ use tilefold_schemas::{
 };
 use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
-use tilefold_workers::{ClockPrior, MapContext};
+use tilefold_workers::MapContext;
 
 use crate::base_map;
 use crate::error::EngineError;
 use crate::logs::Catalogue;
-use crate::map_job::{KnownChunks, MapOutput, fit_clock, map_units};
+use crate::map_job::{KnownChunks, MapOutput, map_units};
 use crate::meter::{Meter, Stage, StageReport};
 use crate::progress::Progress;
 use crate::reduce_job::{Layer, additions, reduce_tiles};
@@ -99,18 +99,12 @@ pub fn run(
     let catalogue = Catalogue::open(logs, &meter, progress);
     let units = catalogue.units();
     let vehicles: BTreeSet<&str> = units.iter().map(|unit| unit.vehicle.as_str()).collect();
-    let mut context = MapContext {
+    let context = MapContext {
         map: MapIndex::new(read_elements(&snapshot, tile_level)?),
         tile_level,
-        clock_prior: ClockPrior::default(),
     };
     let known_rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
     let salt = &store.properties().salt;
-    // Fitted once, by the first run with drives, and kept: evidence is comparable ever after.
-    context.clock_prior = match clock_prior(&snapshot) {
-        Some(prior) => prior,
-        None => fit_clock(&catalogue, &units, salt, &context, &meter),
-    };
     let mapped = map_units(
         &catalogue,
         &units,
@@ -137,7 +131,6 @@ pub fn run(
     let update = Update {
         map: &context.map,
         tile_level,
-        clock_prior: context.clock_prior,
         model,
         meter: &meter,
         progress,
@@ -149,17 +142,6 @@ pub fn run(
     report.stages = meter.report();
     report.wall_s = meter.elapsed_s();
     Ok(report)
-}
-
-/// Commit parameter that keeps the clock prior.
-const CLOCK_PRIOR: &str = "fleet_lag_s";
-
-/// The clock prior that the version was made with; none before the first run.
-fn clock_prior(snapshot: &Snapshot) -> Option<ClockPrior> {
-    let kept = snapshot.info().parameters.get(CLOCK_PRIOR)?;
-    Some(ClockPrior {
-        fleet_lag_s: kept.as_i64(),
-    })
 }
 
 fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
@@ -231,7 +213,6 @@ testified!(EvidenceRow, Sighting, Footprint);
 struct Update<'a> {
     map: &'a MapIndex,
     tile_level: u32,
-    clock_prior: ClockPrior,
     model: FusionModel,
     meter: &'a Meter,
     progress: &'a dyn Progress,
@@ -297,10 +278,7 @@ impl Update<'_> {
         let version = self.meter.time(Stage::Commit, || {
             write_layers(&mut transaction, &tiles, layers)?;
             let model = self.model.name().to_owned();
-            let parameters = Parameters::from([
-                ("fusion_model".to_owned(), model.into()),
-                (CLOCK_PRIOR.to_owned(), self.clock_prior.fleet_lag_s.into()),
-            ]);
+            let parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
             Ok::<_, EngineError>(transaction.commit("run", parameters)?)
         })?;
         self.meter.count(Stage::Commit, tiles.len() as u64, 0);
