@@ -17,6 +17,9 @@ pub enum SetAsideKind {
     Pose,
     /// A detection frame that has no pose, or cannot be projected.
     Frame,
+    /// A sound frame captured where there is no position: before the first fix, after the last,
+    /// or in a gap. Every drive has some, so it is counted and listed, but is no damage.
+    Uncovered,
     /// A drive that lacks what the map stage needs.
     Drive,
     /// A map element that could not be read.
@@ -33,9 +36,18 @@ impl SetAsideKind {
             Self::Message => "message",
             Self::Pose => "pose",
             Self::Frame => "frame",
+            Self::Uncovered => "uncovered",
             Self::Drive => "drive",
             Self::Element => "element",
         }
+    }
+}
+
+impl SetAsideKind {
+    /// Whether something was lost that should have been usable: what exit code 3 reports.
+    #[must_use]
+    pub fn is_damage(self) -> bool {
+        self != Self::Uncovered
     }
 }
 

@@ -160,24 +160,26 @@ fn losses(
     without_camera_ns: &[i64],
 ) -> Vec<SetAside> {
     let (from_ns, to_ns) = chunk.bounds_ns();
-    let loss = |stamps: &[i64], reason: String| {
+    let loss = |kind: SetAsideKind, stamps: &[i64], reason: String| {
         let mut own = stamps
             .iter()
             .filter(|stamp| (from_ns..to_ns).contains(*stamp));
         let first = *own.next()?;
         let count = 1 + own.count() as u64;
-        let loss = SetAside::new(SetAsideKind::Frame, "", reason);
+        let loss = SetAside::new(kind, "", reason);
         Some(loss.when(first).times(count))
     };
     [
         loss(
+            SetAsideKind::Uncovered,
             without_pose_ns,
             format!(
-                "no pose within 2 s of its capture, which is {:.2} s before its stamp",
+                "no position at its capture, which is {:.2} s before its stamp",
                 lag_ns as f64 * 1e-9
             ),
         ),
         loss(
+            SetAsideKind::Frame,
             without_camera_ns,
             "detections are in pixels, and the log has no usable camera calibration and mounting for them"
                 .to_owned(),

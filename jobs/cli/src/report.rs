@@ -24,10 +24,10 @@ impl Outcome {
     /// Done; with losses if there are any.
     #[must_use]
     pub(crate) fn with(set_aside: &[SetAside]) -> Self {
-        if set_aside.is_empty() {
-            Self::Done
-        } else {
+        if set_aside.iter().any(|loss| loss.kind.is_damage()) {
             Self::SetAside
+        } else {
+            Self::Done
         }
     }
 }
