@@ -174,7 +174,7 @@ fn part(case: &Case, bytes: &[u8]) -> Content {
     let trial = Trial::new(&case.city.before_map);
     let report = trial.run(&case.with("part.mcap", bytes));
     for loss in &report.set_aside {
-        assert_eq!(loss.kind, SetAsideKind::Frame, "{loss}");
+        assert_eq!(loss.kind, SetAsideKind::Uncovered, "{loss}");
     }
     trial.content()
 }
