@@ -2,7 +2,7 @@
 //!
 //! Pure: no disk, no clock, no environment, no randomness. [`passes`] forms the units of
 //! independence, [`paper`] and [`calibrated`] are the two fusion models, [`elements`] judges
-//! mapped elements and [`candidates`] what the map lacks; [`reduce_tile`] joins them.
+//! mapped elements and [`candidates`] what the map lacks; [`reduce_tile()`] joins them.
 
 pub mod calibrated;
 pub mod candidates;

@@ -5,7 +5,7 @@
 //! into metres, [`clock`] brings
 //! the two clocks together, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
 //! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen, and
-//! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk`] joins them.
+//! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk()`] joins them.
 
 mod banded;
 pub mod camera;
