@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use rstar::{AABB, RTree, RTreeObject};
-use tilefold_schemas::{ElementKind, Marking};
+use tilefold_schemas::ElementKind;
 use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
 use tilefold_tiler::station::Polyline;
@@ -18,14 +18,6 @@ pub struct LocalLine<'a> {
     pub mapped: &'a MappedElement,
     /// Its line; stations as the element itself counts them.
     pub line: Polyline,
-}
-
-impl LocalLine<'_> {
-    /// Its marking.
-    #[must_use]
-    pub fn marking(&self) -> Marking {
-        self.mapped.element.marking
-    }
 }
 
 /// A stretch of a line between two vertices, as the spatial index keeps it.
