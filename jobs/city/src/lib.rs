@@ -19,12 +19,16 @@ mod edit;
 mod error;
 mod random;
 mod receiver;
+mod relief;
 mod road;
 mod spec;
 mod survey;
 mod truth;
+mod world;
 mod write;
 
 pub use error::CityError;
+pub use relief::Relief;
 pub use spec::CitySpec;
+pub use world::{Building, Lane, Paint, Point, World};
 pub use write::{CityFiles, write};
