@@ -1,13 +1,9 @@
-//! Where the street runs: a chain of arcs, each tangent to the one before.
+//! Where a road runs: two arcs, tangent to each other and to the directions at its ends.
 
-use crate::random::Random;
+use std::f64::consts::TAU;
 
-/// Lengths of arcs, and the tightest bend, in metres.
-const ARC_LENGTH_M: (f64, f64) = (80.0, 220.0);
-const LEAST_RADIUS_M: f64 = 300.0;
-/// The street turns back towards its first direction where it has strayed further than this, so
-/// that it never crosses itself.
-const MOST_TURN_RAD: f64 = 0.8;
+/// Below this a curve is straight, in 1/m.
+const STRAIGHT: f64 = 1e-9;
 
 /// A place on the plane with a direction: metres east and north, radians counter-clockwise from
 /// east.
@@ -26,10 +22,28 @@ impl Place {
         [de * cos + dn * sin, dn * cos - de * sin]
     }
 
+    /// The point (east, north) that lies `forward_m` ahead and `left_m` to the left.
+    pub(crate) fn point(&self, forward_m: f64, left_m: f64) -> [f64; 2] {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        [
+            self.east_m + forward_m * cos - left_m * sin,
+            self.north_m + forward_m * sin + left_m * cos,
+        ]
+    }
+
     /// The point (east, north) that lies `left_m` to the left.
     pub(crate) fn left(&self, left_m: f64) -> [f64; 2] {
-        let (sin, cos) = self.yaw_rad.sin_cos();
-        [self.east_m - left_m * sin, self.north_m + left_m * cos]
+        self.point(0.0, left_m)
+    }
+
+    /// The place `forward_m` ahead.
+    pub(crate) fn ahead(&self, forward_m: f64) -> Self {
+        let [east_m, north_m] = self.point(forward_m, 0.0);
+        Self {
+            east_m,
+            north_m,
+            ..*self
+        }
     }
 }
 
@@ -38,6 +52,7 @@ impl Place {
 struct Arc {
     station_m: f64,
     start: Place,
+    /// 1/m, positive to the left.
     curvature: f64,
 }
 
@@ -61,46 +76,36 @@ impl Arc {
     }
 }
 
-/// The middle of the street, by station.
+/// A curve by station, metres from its begin.
 #[derive(Debug, Clone)]
 pub(crate) struct Curve {
-    arcs: Vec<Arc>,
+    arcs: [Arc; 2],
+    pub(crate) length_m: f64,
 }
 
 impl Curve {
-    /// A street of at least `length_m`, from the origin on.
-    pub(crate) fn draw(length_m: f64, random: &mut Random) -> Self {
-        let first_yaw_rad = random.between(-0.3, 0.3);
-        let mut end = Place {
-            east_m: 0.0,
-            north_m: 0.0,
-            yaw_rad: first_yaw_rad,
+    /// The two arcs from one place to another that have tangents of equal length (the biarc of
+    /// Bolton, 1975). The places lie apart.
+    pub(crate) fn between(from: Place, to: Place) -> Self {
+        let joint = joint(from, to);
+        let first = arc_to(from, joint);
+        // The second arc ends with the direction of `to`: seen from there it runs backwards.
+        let back = arc_to(reversed(to), joint);
+        let second = Arc {
+            station_m: first.1,
+            start: first.0.at(first.1),
+            curvature: -back.0.curvature,
         };
-        let mut arcs = Vec::new();
-        let mut station_m = 0.0;
-        while station_m < length_m || arcs.is_empty() {
-            let strayed_rad: f64 = end.yaw_rad - first_yaw_rad;
-            let side = if strayed_rad.abs() > MOST_TURN_RAD {
-                -strayed_rad.signum()
-            } else {
-                random.sign()
-            };
-            let arc = Arc {
-                station_m,
-                start: end,
-                curvature: side * random.between(0.0, 1.0 / LEAST_RADIUS_M),
-            };
-            station_m += random.between(ARC_LENGTH_M.0, ARC_LENGTH_M.1);
-            end = arc.at(station_m);
-            arcs.push(arc);
+        Self {
+            arcs: [first.0, second],
+            length_m: first.1 + back.1,
         }
-        Self { arcs }
     }
 
-    /// The middle of the street at a station; the first and last arcs go on for ever.
+    /// The curve's place at a station; its ends go on as arcs.
     pub(crate) fn at(&self, station_m: f64) -> Place {
-        let after = self.arcs.partition_point(|arc| arc.station_m <= station_m);
-        self.arcs[after.saturating_sub(1)].at(station_m)
+        let is_second = station_m >= self.arcs[1].station_m;
+        self.arcs[usize::from(is_second)].at(station_m)
     }
 
     /// The point (east, north) at a station and an offset to the left.
@@ -109,29 +114,108 @@ impl Curve {
     }
 }
 
+fn reversed(place: Place) -> Place {
+    Place {
+        yaw_rad: place.yaw_rad + TAU / 2.0,
+        ..place
+    }
+}
+
+/// Where the two arcs meet.
+fn joint(from: Place, to: Place) -> [f64; 2] {
+    let chord = [to.east_m - from.east_m, to.north_m - from.north_m];
+    let (tangent_from, tangent_to) = (direction(from), direction(to));
+    let sum = [
+        tangent_from[0] + tangent_to[0],
+        tangent_from[1] + tangent_to[1],
+    ];
+    // |chord - d sum| = 2 d, for the positive d.
+    let along = dot(chord, sum);
+    let square = dot(chord, chord);
+    let spread = 2.0 * (1.0 - dot(tangent_from, tangent_to));
+    let tangent_m = if spread < 1e-9 {
+        square / (4.0 * dot(chord, tangent_to)).max(1e-9)
+    } else {
+        ((along * along + 2.0 * spread * square).sqrt() - along) / (2.0 * spread)
+    };
+    let middle = |axis: usize, start: f64, end: f64| {
+        (start + end + tangent_m * (tangent_from[axis] - tangent_to[axis])) / 2.0
+    };
+    [
+        middle(0, from.east_m, to.east_m),
+        middle(1, from.north_m, to.north_m),
+    ]
+}
+
+/// The arc from a place to a point, and its length.
+fn arc_to(from: Place, point: [f64; 2]) -> (Arc, f64) {
+    let [forward_m, left_m] = from.see(point);
+    let square = forward_m * forward_m + left_m * left_m;
+    let curvature = 2.0 * left_m / square.max(1e-9);
+    let length_m = if curvature.abs() < STRAIGHT {
+        forward_m
+    } else {
+        2.0 * left_m.atan2(forward_m) / curvature
+    };
+    let arc = Arc {
+        station_m: 0.0,
+        start: from,
+        curvature,
+    };
+    (arc, length_m)
+}
+
+fn direction(place: Place) -> [f64; 2] {
+    let (sin, cos) = place.yaw_rad.sin_cos();
+    [cos, sin]
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn place(east_m: f64, north_m: f64, yaw_rad: f64) -> Place {
+        Place {
+            east_m,
+            north_m,
+            yaw_rad,
+        }
+    }
+
     #[test]
-    fn stations_are_lengths_and_arcs_meet_smoothly() {
-        let curve = Curve::draw(2_000.0, &mut Random::new(3, "curve", 0));
-        for step in 0..2_000 {
-            let (here, next) = (curve.at(f64::from(step)), curve.at(f64::from(step) + 1.0));
-            let moved_m = (next.east_m - here.east_m).hypot(next.north_m - here.north_m);
-            assert!((moved_m - 1.0).abs() < 1e-5, "at {step}: {moved_m}");
-            assert!((next.yaw_rad - here.yaw_rad).abs() < 1.01 / LEAST_RADIUS_M);
+    fn curves_end_where_they_should_and_stations_are_lengths() {
+        let ends = [
+            place(300.0, 0.0, 0.0),
+            place(300.0, 40.0, 0.3),
+            place(250.0, -90.0, -0.4),
+            place(200.0, 200.0, TAU / 4.0),
+            place(250.0, 30.0, -0.2),
+        ];
+        for end in ends {
+            let curve = Curve::between(place(0.0, 0.0, 0.1), end);
+            let reached = curve.at(curve.length_m);
+            let off_m = (reached.east_m - end.east_m).hypot(reached.north_m - end.north_m);
+            assert!(off_m < 1e-6, "{end:?}: {off_m}");
+            let turned = (reached.yaw_rad - end.yaw_rad).sin().abs();
+            assert!(turned < 1e-6, "{end:?}: {reached:?}");
+            for step in 0..curve.length_m as i32 - 1 {
+                let (here, next) = (curve.at(f64::from(step)), curve.at(f64::from(step) + 1.0));
+                let moved_m = (next.east_m - here.east_m).hypot(next.north_m - here.north_m);
+                assert!((moved_m - 1.0).abs() < 1e-4, "at {step}: {moved_m}");
+            }
         }
     }
 
     #[test]
     fn left_is_left_and_seen_there() {
-        let place = Place {
-            east_m: 5.0,
-            north_m: 1.0,
-            yaw_rad: 1.2,
+        let [x_m, y_m] = {
+            let place = place(5.0, 1.0, 1.2);
+            place.see(place.left(2.0))
         };
-        let [x_m, y_m] = place.see(place.left(2.0));
         assert!(x_m.abs() < 1e-12 && (y_m - 2.0).abs() < 1e-12);
     }
 }

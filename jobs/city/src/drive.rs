@@ -11,19 +11,16 @@ use tilefold_schemas::log::{
 };
 use tilefold_tiler::geodesy::LocalFrame;
 
-use crate::course::Course;
-use crate::curve::Place;
-use crate::detector::Detector;
+use crate::city::City;
+use crate::course::{Course, Motion};
+use crate::detector::{Detector, Lots};
 use crate::random::Random;
 use crate::receiver::{CLAIMED_COVARIANCE_M2, CLAIMED_YAW_VARIANCE_RAD2, Receiver};
-use crate::road::Street;
-use crate::spec::CitySpec;
-use crate::survey::Survey;
+use crate::route;
+use crate::traffic::Traffic;
 
 const MS: i64 = 1_000_000;
 const DAY_NS: i64 = 86_400_000 * MS;
-/// Hours of the day at which drives begin, in milliseconds.
-const HOURS_MS: (f64, f64) = (6.0 * 3.6e6, 20.0 * 3.6e6);
 
 /// When a sensor speaks, in nanoseconds: from its phase on, every period, recorded after its
 /// latency.
@@ -52,9 +49,7 @@ const CAMERA: Clock = Clock {
 
 /// Which drive of a city.
 pub(crate) struct Drive<'a> {
-    pub(crate) spec: &'a CitySpec,
-    pub(crate) street: &'a Street,
-    pub(crate) survey: &'a Survey<'a>,
+    pub(crate) city: &'a City<'a>,
     pub(crate) index: u32,
 }
 
@@ -67,17 +62,27 @@ struct Record {
     payload: Payload,
 }
 
+/// Of which element a detection is.
+pub(crate) struct Match {
+    pub(crate) stamp_ns: i64,
+    /// Which of its frame's detections, counted from 0.
+    pub(crate) detection: usize,
+    pub(crate) element: Option<i64>,
+}
+
 impl Drive<'_> {
-    /// Writes the drive's log; drives take turns in ROS 2 and Foxglove messages.
-    pub(crate) fn write<W: Write + Seek>(&self, sink: W) -> Result<W, LogWriteError> {
+    /// Writes the drive's log; drives take turns in ROS 2 and Foxglove messages. Returns the
+    /// matching truth with the sink.
+    pub(crate) fn write<W: Write + Seek>(&self, sink: W) -> Result<(W, Vec<Match>), LogWriteError> {
         let dialect = match self.index % 2 {
             0 => Dialect::Ros2,
             _ => Dialect::Foxglove,
         };
-        let vehicle = format!("city-{:04}", self.index % self.spec.vehicles);
-        let site = format!("simulated city, seed {}", self.spec.seed);
+        let vehicle = format!("city-{:04}", self.vehicle());
+        let site = format!("simulated city, seed {}", self.city.spec.seed);
         let mut log = LogWriter::create(sink, dialect, &vehicle, [("site", site.as_str())])?;
-        for record in self.records(dialect) {
+        let mut matches = Vec::new();
+        for record in self.records(dialect, &mut matches) {
             log.write(Entry {
                 topic: record.topic,
                 stamp_ns: record.stamp_ns,
@@ -86,53 +91,83 @@ impl Drive<'_> {
                 payload: &record.payload,
             })?;
         }
-        log.finish()
+        Ok((log.finish()?, matches))
+    }
+
+    fn vehicle(&self) -> u32 {
+        self.index % self.city.spec.vehicles
     }
 
     fn random(&self, name: &str) -> Random {
-        Random::new(self.spec.seed, name, self.index)
+        Random::new(self.city.spec.seed, name, self.index)
     }
 
-    /// Drives follow each other through the campaign, so that no vehicle drives twice at once.
-    fn start_ns(&self) -> i64 {
-        let day = i64::from(self.index) * i64::from(self.spec.days) / i64::from(self.spec.drives);
-        let time_ms = self.random("start").between(HOURS_MS.0, HOURS_MS.1) as i64;
-        self.spec.first_day_ns + day * DAY_NS + time_ms * MS
+    /// A vehicle's drives divide the campaign among them, so that it never drives twice at once.
+    fn start_ns(&self, seconds: f64) -> i64 {
+        let spec = self.city.spec;
+        let rounds = spec.drives.div_ceil(spec.vehicles).max(1);
+        let span_ns = i64::from(spec.days) * DAY_NS / i64::from(rounds);
+        let first_ns = self.city.begin_ns + i64::from(self.index / spec.vehicles) * span_ns;
+        let spare_ns = (span_ns - (seconds * 1e9) as i64).max(0);
+        first_ns + (self.random("start").unit() * spare_ns as f64) as i64 / MS * MS
     }
 
-    fn records(&self, dialect: Dialect) -> Vec<Record> {
-        let course = Course::draw(self.street, &mut self.random("course"));
-        let mut records = self.fixes(&course);
-        records.extend(self.headings(&course, dialect));
-        records.extend(self.frames(&course));
+    fn records(&self, dialect: Dialect, matches: &mut Vec<Match>) -> Vec<Record> {
+        let length_m = self.city.spec.drive_km * 1_000.0;
+        let steps = route::draw(self.city.world, length_m, &mut self.random("route"));
+        if steps.len() < 10 {
+            return Vec::new();
+        }
+        let course = Course::draw(steps, &mut self.random("course"));
+        let start_ns = self.start_ns(course.seconds());
+        let under_way = UnderWay {
+            drive: self,
+            course: &course,
+            start_ns,
+        };
+        let mut records = under_way.fixes();
+        records.extend(under_way.headings(dialect));
+        records.extend(under_way.frames(matches));
         records.sort_by_key(|record| (record.log_time_ns, record.topic));
         records
     }
+}
 
+/// A drive whose motion is drawn.
+struct UnderWay<'a> {
+    drive: &'a Drive<'a>,
+    course: &'a Course,
+    start_ns: i64,
+}
+
+impl UnderWay<'_> {
     /// Stamps of a sensor with the seconds since the drive's begin.
-    fn ticks(&self, clock: Clock, course: &Course<'_>) -> impl Iterator<Item = (i64, f64)> {
-        let start_ns = self.start_ns();
+    fn ticks(&self, clock: Clock) -> impl Iterator<Item = (i64, f64)> + use<> {
+        let start_ns = self.start_ns;
         // Positions go on behind the last frame, as they begin before the first.
-        let end_ns = (i64::from(course.seconds()) + 1) * 1_000 * MS - clock.phase_ns;
+        let end_ns = (self.course.seconds() * 1e9) as i64 - clock.phase_ns;
         (0..)
             .map(move |tick| clock.phase_ns + tick * clock.period_ns)
             .take_while(move |since_ns| *since_ns < end_ns)
             .map(move |since_ns| (start_ns + since_ns, since_ns as f64 * 1e-9))
     }
 
-    fn fixes(&self, course: &Course<'_>) -> Vec<Record> {
-        let mut receiver = Receiver::draw(self.random("position"));
+    fn fixes(&self) -> Vec<Record> {
+        let mut receiver = Receiver::draw(self.drive.random("position"));
         let period_s = GNSS.period_ns as f64 * 1e-9;
-        self.ticks(GNSS, course)
+        self.ticks(GNSS)
             .map(|(stamp_ns, seconds)| {
-                let place = course.place(seconds);
+                let motion = self.course.motion(seconds);
                 let [east_m, north_m, up_m] = receiver.position_error_m(period_s);
-                let measured = [place.east_m + east_m, place.north_m + north_m];
-                let [longitude_deg, latitude_deg, height_m] = self.survey.on_earth(measured);
+                let [longitude_deg, latitude_deg, altitude_m] = self.drive.city.world.on_earth([
+                    motion.place.east_m + east_m,
+                    motion.place.north_m + north_m,
+                    motion.up_m + up_m,
+                ]);
                 let payload = Payload::Gnss(GnssFix {
                     latitude_deg,
                     longitude_deg,
-                    altitude_m: height_m + up_m,
+                    altitude_m,
                     covariance_enu_m2: Some(CLAIMED_COVARIANCE_M2),
                     has_fix: true,
                 });
@@ -141,12 +176,13 @@ impl Drive<'_> {
             .collect()
     }
 
-    fn headings(&self, course: &Course<'_>, dialect: Dialect) -> Vec<Record> {
-        let mut receiver = Receiver::draw(self.random("heading"));
-        self.ticks(HEADING, course)
+    fn headings(&self, dialect: Dialect) -> Vec<Record> {
+        let mut receiver = Receiver::draw(self.drive.random("heading"));
+        self.ticks(HEADING)
             .map(|(stamp_ns, seconds)| {
-                let yaw_rad = self.true_yaw_rad(&course.place(seconds)) + receiver.yaw_error_rad();
-                let rate_rad_s = course.yaw_rate_rad_s(seconds) + receiver.yaw_rate_error_rad_s();
+                let motion = self.course.motion(seconds);
+                let yaw_rad = self.true_yaw_rad(&motion) + receiver.yaw_error_rad();
+                let rate_rad_s = motion.yaw_rate_rad_s + receiver.yaw_rate_error_rad_s();
                 let orientation = about_up(yaw_rad);
                 let (topic, frame_id, payload) = match dialect {
                     Dialect::Ros2 => ("/imu", "base_link", imu(orientation, rate_rad_s)),
@@ -157,14 +193,41 @@ impl Drive<'_> {
             .collect()
     }
 
-    fn frames(&self, course: &Course<'_>) -> Vec<Record> {
-        let mut detector = Detector::new(self.street, self.random("detector"));
-        self.ticks(CAMERA, course)
+    fn frames(&self, matches: &mut Vec<Match>) -> Vec<Record> {
+        let Drive { city, .. } = self.drive;
+        let noise = &city.spec.noise;
+        let vehicle = self.drive.vehicle();
+        let mut detector = Detector::new(
+            city.world,
+            &city.ground,
+            (&noise.detector, &noise.mounting),
+            self.course,
+            Lots {
+                drive: [self.drive.random("detector"), self.drive.random("phantoms")],
+                vehicle: Random::new(city.spec.seed, "mounting", vehicle),
+            },
+        );
+        let density = noise.detector.traffic_per_lane_km;
+        let traffic = Traffic::draw(density, &mut self.drive.random("traffic"));
+        let offset_s = self.drive.random("clock").normal(noise.clock.offset_s);
+        let period_s = CAMERA.period_ns as f64 * 1e-9;
+        self.ticks(CAMERA)
             .map(|(stamp_ns, seconds)| {
-                let place = course.place(seconds);
+                let motion = self.course.motion(seconds - offset_s);
+                let around = traffic.at(self.course, seconds);
+                let seen = detector.look(&motion, &around, stamp_ns, period_s);
+                let mut detections = Vec::with_capacity(seen.len());
+                for (detection, seen) in seen.into_iter().enumerate() {
+                    matches.push(Match {
+                        stamp_ns,
+                        detection,
+                        element: seen.element,
+                    });
+                    detections.push(seen.detection);
+                }
                 let payload = Payload::Detections(DetectionFrame {
                     space: DetectionSpace::Metres,
-                    detections: detector.look(&place, course.station_m(seconds)),
+                    detections,
                 });
                 record("/perception/lanes", "base_link", stamp_ns, CAMERA, payload)
             })
@@ -172,9 +235,11 @@ impl Drive<'_> {
     }
 
     /// A yaw of the city's plane as one against true north where the vehicle is.
-    fn true_yaw_rad(&self, place: &Place) -> f64 {
-        let here = LocalFrame::new(self.survey.on_earth([place.east_m, place.north_m]));
-        self.survey.frame.yaw_in(&here, place.yaw_rad)
+    fn true_yaw_rad(&self, motion: &Motion) -> f64 {
+        let world = self.drive.city.world;
+        let place = &motion.place;
+        let here = LocalFrame::new(world.on_earth([place.east_m, place.north_m, 0.0]));
+        world.frame.yaw_in(&here, place.yaw_rad)
     }
 }
 

@@ -1,193 +1,304 @@
-//! Known errors: the true map with some of its ways taken out, moved, or added beside the paint.
+//! Known changes: what happens to the paint of a world after its map was made.
+//!
+//! The map is the world's paint before anything happened to it, less what is added later. Every
+//! event has a date; what was altered stays in the world until that date, what it became is there
+//! from then on. Events keep their distance from each other, so that each can be told alone.
+
+mod alter;
+mod beside;
 
 use std::collections::BTreeMap;
 
-use tilefold_schemas::element::{Element, Marking};
+use tilefold_schemas::element::ElementKind;
 
-use crate::error::CityError;
 use crate::random::Random;
-use crate::road::{Line, Road, Street};
-use crate::survey::{FIRST_WAY, Piece, Survey, cuts, pieces};
+use crate::world::{Paint, Point, World};
 
-/// How far a line is moved in the map, in metres to either side.
-const SHIFT_M: (f64, f64) = (0.9, 1.4);
-/// How far from the middle of its lane a line that does not exist is drawn, in metres.
-const PHANTOM_STRAY_M: f64 = 0.2;
+const DAY_NS: f64 = 86_400e9;
+/// Events lie this far apart at least, in metres.
+const APART_M: f64 = 90.0;
+/// Tries to find a place for an event before it is given up.
+const TRIES: usize = 200;
+/// Changes from before the campaign happened within this many days of it.
+const DAYS_BEFORE: f64 = 60.0;
+/// A construction site comes and goes at these shares of the campaign.
+const SITE_COMES: (f64, f64) = (0.2, 0.4);
+const SITE_GOES: (f64, f64) = (0.6, 0.8);
 
-/// What changed between the map with errors and the road.
+/// What happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum ChangeType {
+pub enum Happening {
+    /// New paint.
+    Added,
+    /// Ground off.
+    Removed,
+    /// A stretch of a line ground off.
+    PartlyRemoved,
+    /// Painted anew beside its old place.
+    Shifted,
+    /// A solid line became dashed, or an arrow another.
+    Retyped,
+    /// A lane more: a new edge, and the old one dashed.
+    LaneAdded,
+    /// A lane less: no edge, and the line inside of it solid.
+    LaneDropped,
+    /// Yellow lines beside the white ones' place, for some days.
+    Construction,
+    /// Painted anew as it was: no change.
+    Repainted,
+    /// Worn off by half or more: no change.
+    Worn,
+}
+
+/// How often what happens.
+const SHARES: [(Happening, f64); 10] = [
+    (Happening::Added, 0.19),
+    (Happening::Removed, 0.19),
+    (Happening::PartlyRemoved, 0.10),
+    (Happening::Shifted, 0.18),
+    (Happening::Retyped, 0.10),
+    (Happening::LaneAdded, 0.04),
+    (Happening::LaneDropped, 0.04),
+    (Happening::Construction, 0.04),
+    (Happening::Repainted, 0.06),
+    (Happening::Worn, 0.06),
+];
+
+/// Which kinds of paint are chosen, cumulative.
+const KINDS: [(f64, ElementKind); 4] = [
+    (0.68, ElementKind::LaneMarking),
+    (0.88, ElementKind::GroundSign),
+    (0.94, ElementKind::StopLine),
+    (1.0, ElementKind::Crosswalk),
+];
+
+impl Happening {
+    /// The name in truth files (`detail`).
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Added => "added",
+            Self::Removed => "removed",
+            Self::PartlyRemoved => "partly_removed",
+            Self::Shifted => "shifted",
+            Self::Retyped => "retyped",
+            Self::LaneAdded => "lane_added",
+            Self::LaneDropped => "lane_dropped",
+            Self::Construction => "construction",
+            Self::Repainted => "repainted",
+            Self::Worn => "worn",
+        }
+    }
+}
+
+/// What a map team would have to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ChangeType {
     /// On the road, not in the map.
     Added,
     /// In the map, not on the road.
     Removed,
-    /// On the road, but not where the map has it.
+    /// On the road, but not where or what the map has.
     Modified,
+    /// As the map has it.
+    NoChange,
 }
 
 impl ChangeType {
-    /// The name in files.
-    pub(crate) fn name(self) -> &'static str {
+    /// The name in truth files (`change_type`).
+    #[must_use]
+    pub fn name(self) -> &'static str {
         match self {
             Self::Added => "added",
             Self::Removed => "removed",
             Self::Modified => "modified",
+            Self::NoChange => "no_change",
         }
     }
 }
 
-/// One known change.
+/// One known difference between the map and the road.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Change {
-    /// What changed.
-    pub(crate) change_type: ChangeType,
-    /// The element: as it is on the road, or, if it was removed, as it is in the map.
-    pub(crate) element: Element,
-    /// How far to the left the map has it, in metres, if it was moved.
-    pub(crate) shift_m: Option<f64>,
+pub struct Change {
+    /// The type of change.
+    pub change_type: ChangeType,
+    /// What happened.
+    pub happening: Happening,
+    /// The paint as it is on the road, or, if it was removed, as the map has it. The id is that of
+    /// the map's element; what was added has an id that the map does not know.
+    pub paint: Paint,
+    /// The stretch of a partly removed line, metres along the map's element.
+    pub stretch_m: Option<[f64; 2]>,
+    /// How far to the left it was shifted, in metres.
+    pub shift_m: Option<f64>,
+    /// From when until when the road is so.
+    pub since_ns: i64,
+    /// First nanosecond at which it is as in the map again; `i64::MAX` if it never is.
+    pub until_ns: i64,
 }
 
-/// The maps of a city and what lies between them.
-pub(crate) struct Maps {
-    /// What is on the road, by id.
-    pub(crate) after: Vec<Element>,
-    /// The map with errors, by id.
-    pub(crate) before: Vec<Element>,
-    /// By element id.
+/// When things happen.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Campaign {
+    pub(crate) begin_ns: i64,
+    pub(crate) days: f64,
+    /// Share of the changes that happen during the campaign, 0 to 1.
+    pub(crate) during: f64,
+}
+
+impl Campaign {
+    pub(crate) fn end_ns(&self) -> i64 {
+        self.at(1.0)
+    }
+
+    fn at(&self, share: f64) -> i64 {
+        self.begin_ns + (share * self.days * DAY_NS) as i64
+    }
+
+    fn draw_date_ns(&self, random: &mut Random) -> i64 {
+        if random.chance(self.during) {
+            return self.at(random.between(0.1, 0.9));
+        }
+        self.begin_ns - (random.between(0.0, DAYS_BEFORE) * DAY_NS) as i64
+    }
+}
+
+/// The map of a world, and all that happened since.
+#[derive(Debug, Clone)]
+pub(crate) struct History {
+    /// The map's elements, by id.
+    pub(crate) map: Vec<Paint>,
+    /// By date and id.
     pub(crate) changes: Vec<Change>,
 }
 
-/// Draws the changes: at most one on each stretch of road, so that they do not touch.
-pub(crate) fn draw(
-    survey: &Survey<'_>,
-    seed: u64,
-    changes_per_kind: u32,
-) -> Result<Maps, CityError> {
+/// Lets about `share` of the world's paint change.
+pub(crate) fn draw(world: &mut World, seed: u64, share: f64, campaign: Campaign) -> History {
     let mut random = Random::new(seed, "changes", 0);
-    let per_kind = changes_per_kind as usize;
-    let mut stretches = stretches(survey.street);
-    if stretches.len() < per_kind.saturating_mul(3) {
-        return Err(CityError::Crowded {
-            changes: per_kind.saturating_mul(3),
-            stretches: stretches.len(),
-        });
+    let count = (share * world.paint.len() as f64).round();
+    let mut happenings = Vec::new();
+    for (happening, of_all) in SHARES {
+        let times = (count * of_all).round() as usize;
+        happenings.extend(std::iter::repeat_n(happening, times));
     }
-    random.shuffle(&mut stretches);
-
-    let pieces = pieces(survey.street);
-    let after: BTreeMap<i64, Element> = (FIRST_WAY..)
-        .zip(&pieces)
-        .map(|(id, piece)| (id, survey.element(id, piece)))
-        .collect();
-    let mut maps = Editing {
-        survey,
-        before: after.clone(),
-        changes: Vec::new(),
-        next_id: FIRST_WAY + after.len() as i64,
-    };
-    for (nth, stretch) in stretches.iter().take(per_kind * 3).enumerate() {
-        let index = random.index(stretch.road.lines.len());
-        match nth % 3 {
-            0 => maps.leave_out(stretch.first_id + index as i64),
-            1 => maps.invent(stretch, &mut random),
-            _ => {
-                let shift_m = random.sign() * random.between(SHIFT_M.0, SHIFT_M.1);
-                let piece = stretch.piece(stretch.road.lines[index]);
-                maps.shift(stretch.first_id + index as i64, &piece, shift_m);
+    random.shuffle(&mut happenings);
+    let mut editing = Editing::new(world);
+    for happening in happenings {
+        for _ in 0..TRIES {
+            let dates = dates(happening, campaign, &mut random);
+            if editing.try_to(happening, dates, &mut random).is_some() {
+                break;
             }
         }
     }
-    maps.changes.sort_by_key(|change| change.element.id);
-    Ok(Maps {
-        before: maps.before.into_values().collect(),
-        changes: maps.changes,
-        after: after.into_values().collect(),
-    })
+    editing.finish()
 }
 
-/// A road between two cuts, and the id of its rightmost way.
-struct Stretch<'a> {
-    road: &'a Road,
-    from_m: f64,
-    to_m: f64,
-    first_id: i64,
-}
-
-impl Stretch<'_> {
-    fn piece(&self, line: Line) -> Piece {
-        Piece {
-            line,
-            from_m: self.from_m,
-            to_m: self.to_m,
-        }
+/// From when until when something that happens lasts.
+fn dates(happening: Happening, campaign: Campaign, random: &mut Random) -> (i64, i64) {
+    match happening {
+        Happening::Construction => (
+            campaign.at(random.between(SITE_COMES.0, SITE_COMES.1)),
+            campaign.at(random.between(SITE_GOES.0, SITE_GOES.1)),
+        ),
+        _ => (campaign.draw_date_ns(random), i64::MAX),
     }
 }
 
-fn stretches(street: &Street) -> Vec<Stretch<'_>> {
-    let mut stretches = Vec::new();
-    let mut first_id = FIRST_WAY;
-    for road in &street.roads {
-        for cut in cuts(road).windows(2) {
-            stretches.push(Stretch {
-                road,
-                from_m: cut[0],
-                to_m: cut[1],
-                first_id,
-            });
-            first_id += road.lines.len() as i64;
-        }
-    }
-    stretches
-}
-
-/// A map while it is being falsified.
+/// A world while it is changed.
 struct Editing<'a> {
-    survey: &'a Survey<'a>,
-    before: BTreeMap<i64, Element>,
+    world: &'a mut World,
+    map: BTreeMap<i64, Paint>,
+    /// Places in the world's paint, by kind.
+    kinds: BTreeMap<ElementKind, Vec<usize>>,
     changes: Vec<Change>,
+    /// Where something happened already.
+    taken: Vec<Point>,
     next_id: i64,
 }
 
-impl Editing<'_> {
-    /// The map lacks a way of the road.
-    fn leave_out(&mut self, id: i64) {
-        if let Some(element) = self.before.remove(&id) {
-            self.changes.push(Change {
-                change_type: ChangeType::Added,
-                element,
-                shift_m: None,
-            });
+impl<'a> Editing<'a> {
+    fn new(world: &'a mut World) -> Self {
+        let mut kinds: BTreeMap<ElementKind, Vec<usize>> = BTreeMap::new();
+        for (index, paint) in world.paint.iter().enumerate() {
+            kinds.entry(paint.kind).or_default().push(index);
+        }
+        let map: BTreeMap<i64, Paint> =
+            world.paint.iter().map(|paint| (paint.id, paint.clone())).collect();
+        let largest = map.last_key_value().map_or(0, |(id, _)| *id);
+        Self {
+            world,
+            map,
+            kinds,
+            changes: Vec::new(),
+            taken: Vec::new(),
+            next_id: largest + 1,
         }
     }
 
-    /// The map has a way, in the middle of a lane, that the road lacks.
-    fn invent(&mut self, stretch: &Stretch<'_>, random: &mut Random) {
-        let lane = random.index(stretch.road.lanes());
-        let stray_m = random.between(-PHANTOM_STRAY_M, PHANTOM_STRAY_M);
-        let piece = stretch.piece(Line {
-            offset_m: stretch.road.lane_offset_m(lane) + stray_m,
-            marking: Marking::Solid,
-            color: stretch.road.lines[0].color,
-        });
-        let element = self.survey.element(self.next_id, &piece);
-        self.before.insert(self.next_id, element.clone());
-        self.next_id += 1;
-        self.changes.push(Change {
-            change_type: ChangeType::Removed,
-            element,
-            shift_m: None,
-        });
+    fn finish(self) -> History {
+        self.world.paint.sort_by_key(|paint| (paint.id, paint.since_ns));
+        let mut changes = self.changes;
+        changes.sort_by_key(|change| (change.since_ns, change.paint.id));
+        History {
+            map: self.map.into_values().collect(),
+            changes,
+        }
     }
 
-    /// The map has a way of the road `shift_m` to the left of where it is.
-    fn shift(&mut self, id: i64, piece: &Piece, shift_m: f64) {
-        let mut moved = *piece;
-        moved.line.offset_m += shift_m;
-        self.before.insert(id, self.survey.element(id, &moved));
-        self.changes.push(Change {
-            change_type: ChangeType::Modified,
-            element: self.survey.element(id, piece),
-            shift_m: Some(shift_m),
-        });
+    /// Lets something happen at a place drawn by lot; none if it cannot be there.
+    fn try_to(
+        &mut self,
+        happening: Happening,
+        dates: (i64, i64),
+        random: &mut Random,
+    ) -> Option<()> {
+        match happening {
+            Happening::LaneAdded | Happening::LaneDropped | Happening::Construction => {
+                self.try_beside_a_lane(happening, dates, random)
+            }
+            _ => self.try_on_paint(happening, dates, random),
+        }
+    }
+
+    fn try_on_paint(
+        &mut self,
+        happening: Happening,
+        dates: (i64, i64),
+        random: &mut Random,
+    ) -> Option<()> {
+        let kind = match happening {
+            Happening::PartlyRemoved => ElementKind::LaneMarking,
+            _ => draw_kind(random),
+        };
+        let of_kind = self.kinds.get(&kind)?;
+        let index = of_kind[random.index(of_kind.len())];
+        let paint = &self.world.paint[index];
+        let middle = paint.points[paint.points.len() / 2];
+        if paint.until_ns < i64::MAX || !self.is_free(middle) {
+            return None;
+        }
+        self.alter(index, happening, dates, random)?;
+        self.taken.push(middle);
+        Some(())
+    }
+
+    fn is_free(&self, at: Point) -> bool {
+        let far = |taken: &Point| (taken[0] - at[0]).hypot(taken[1] - at[1]) > APART_M;
+        self.taken.iter().all(far)
+    }
+
+    fn new_id(&mut self) -> i64 {
+        self.next_id += 1;
+        self.next_id - 1
     }
 }
+
+fn draw_kind(random: &mut Random) -> ElementKind {
+    let lot = random.unit();
+    let kind = KINDS.iter().find(|(chance, _)| lot < *chance);
+    kind.map_or(ElementKind::LaneMarking, |(_, kind)| *kind)
+}
+
+#[cfg(test)]
+mod tests;

@@ -21,16 +21,6 @@ pub enum CityError {
         /// The most that is possible.
         most: f64,
     },
-    /// More changes than stretches of road to put them on.
-    #[error(
-        "{changes} changes do not fit on {stretches} stretches of road, one on each: give fewer changes, or more or longer roads"
-    )]
-    Crowded {
-        /// Changes asked for, of all kinds.
-        changes: usize,
-        /// Stretches that there are.
-        stretches: usize,
-    },
     /// A file that could not be written.
     #[error("cannot write {path}: {source}; check the disk and the folder's rights")]
     File {

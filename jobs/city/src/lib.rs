@@ -1,34 +1,36 @@
-//! A seeded city with known changes: a map as it was surveyed, the same map with known errors, and
-//! the logs of vehicles that drove there.
+//! A seeded city with known changes: a map as it was made, the road as it is now, and the logs of
+//! vehicles that drove there.
 //!
-//! It is drawn in vectors: one long street of several roads, its paint, and drives with the errors
-//! that real receivers and detectors have. What a line's way through the files is:
-//! `curve` (where the street runs) -> `road` (which lines are painted) -> `survey` (elements of the
-//! true map) -> `edit` (the map with known errors, and the truth) on the one hand, and
-//! `course` (how a vehicle moves) -> `receiver`, `detector` (what it measures) -> `drive` (its log)
-//! on the other. `write` joins them.
-//!
-//! Frames: the city is planar, in the east-north-up frame of [`CitySpec::anchor`]; stations are
-//! metres along the street, offsets metres to its left.
+//! A `world` is drawn by seed (`network`) or taken from a map (`mapped`) -> `edit` lets things happen
+//! to its paint, with dates -> a drive takes a `route`, moves along it (`course`) amid `traffic`, and
+//! measures: `receiver` its position, `detector` the paint -> `drive` puts that into a log. `write`
+//! joins them.
 
+mod city;
 mod course;
 mod curve;
 mod detector;
 mod drive;
 mod edit;
 mod error;
+mod ground;
+mod network;
+mod noise;
 mod random;
 mod receiver;
 mod relief;
-mod road;
+mod route;
 mod spec;
-mod survey;
+mod traffic;
 mod truth;
 mod world;
 mod write;
 
+pub use edit::{Change, ChangeType, Happening};
 pub use error::CityError;
+pub use noise::Noise;
 pub use relief::Relief;
-pub use spec::CitySpec;
+pub use spec::{CitySpec, Profile, Site};
+pub use traffic::Vehicle;
 pub use world::{Building, Lane, Paint, Point, World};
 pub use write::{CityFiles, write};

@@ -37,6 +37,38 @@ impl Random {
         sigma * radius * (TAU * self.unit()).cos()
     }
 
+    /// Exponential with this mean.
+    pub(crate) fn exponential(&mut self, mean: f64) -> f64 {
+        -mean * (1.0 - self.unit()).ln()
+    }
+
+    /// Beta with this mean; the larger the concentration, the nearer to it.
+    pub(crate) fn beta(&mut self, mean: f64, concentration: f64) -> f64 {
+        let mean = mean.clamp(1e-3, 1.0 - 1e-3);
+        let (a, b) = (
+            self.gamma(mean * concentration),
+            self.gamma((1.0 - mean) * concentration),
+        );
+        a / (a + b).max(f64::MIN_POSITIVE)
+    }
+
+    /// Gamma with this shape and scale 1 (Marsaglia and Tsang, 2000).
+    fn gamma(&mut self, shape: f64) -> f64 {
+        if shape < 1.0 {
+            let lift = (1.0 - self.unit()).powf(1.0 / shape);
+            return self.gamma(shape + 1.0) * lift;
+        }
+        let d = shape - 1.0 / 3.0;
+        let c = 1.0 / (9.0 * d).sqrt();
+        loop {
+            let x = self.normal(1.0);
+            let v = (1.0 + c * x).powi(3);
+            if v > 0.0 && (1.0 - self.unit()).ln() < 0.5 * x * x + d - d * v + d * v.ln() {
+                return d * v;
+            }
+        }
+    }
+
     /// True with this probability.
     pub(crate) fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
@@ -80,5 +112,18 @@ mod tests {
         let variance = lots.iter().map(|lot| lot * lot).sum::<f64>() / 20_000.0;
         assert!(mean.abs() < 0.05, "{mean}");
         assert!((variance - 4.0).abs() < 0.15, "{variance}");
+    }
+
+    #[test]
+    fn beta_lots_have_their_mean_and_variance() {
+        let mut random = Random::new(1, "beta", 0);
+        for (mean, concentration) in [(0.9, 8.0), (0.5, 2.0), (0.1, 30.0)] {
+            let lots: Vec<f64> = (0..20_000).map(|_| random.beta(mean, concentration)).collect();
+            let found = lots.iter().sum::<f64>() / 20_000.0;
+            let variance = lots.iter().map(|lot| (lot - found).powi(2)).sum::<f64>() / 20_000.0;
+            assert!((found - mean).abs() < 0.01, "{found}");
+            let expected = mean * (1.0 - mean) / (1.0 + concentration);
+            assert!((variance / expected - 1.0).abs() < 0.1, "{variance}");
+        }
     }
 }

@@ -1,35 +1,67 @@
 //! What city is wanted.
 
+use std::path::PathBuf;
+
+use crate::edit::Campaign;
 use crate::error::CityError;
+use crate::noise::Noise;
 
 /// 2 March 2026, 00:00 UTC: the first day of every simulated campaign, in nanoseconds.
 const FIRST_DAY_NS: i64 = 1_772_409_600 * 1_000_000_000;
 
+/// Which world is driven through.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Site {
+    /// A city drawn by seed, with about so many kilometres of road; 1 to 2,000.
+    Drawn {
+        /// Kilometres of road.
+        km: f64,
+    },
+    /// A Lanelet2 map.
+    Mapped {
+        /// The map's file.
+        map: PathBuf,
+    },
+}
+
+/// What the vehicles' logs hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Profile {
+    /// Detections in metres, as made on the vehicle: fast, for whole cities.
+    Detections,
+    /// Compressed camera images with calibration and mounting.
+    Camera,
+}
+
 /// What city is wanted. The same specification gives the same files.
 ///
-/// The default is the city of `tilefold demo`: about three kilometres of road with 18 changes, and
-/// 40 drives by 32 vehicles.
+/// The default is the city of `tilefold demo`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CitySpec {
     /// Everything that is drawn by lot is drawn from here.
     pub seed: u64,
-    /// Where the street begins: `[longitude_deg, latitude_deg, height_m]` on WGS 84.
+    /// Where a drawn city's middle is: `[longitude_deg, latitude_deg, height_m]` on WGS 84.
     pub anchor: [f64; 3],
-    /// Roads, one behind the other, each with its own lanes; 1 to 100.
-    pub roads: u32,
-    /// Mean length of a road, in metres; 200 to 10,000.
-    pub road_length_m: f64,
-    /// Changes of each kind: lines that the map lacks, lines that are not on the road, and lines
-    /// that the map has at a wrong place.
-    pub changes_per_kind: u32,
+    /// The world.
+    pub site: Site,
+    /// Share of the map's elements to which something happens; 0 to 0.5. At 0 the map is right.
+    pub change_share: f64,
+    /// Share of these that happens while the vehicles drive, the rest before; 0 to 1.
+    pub during_share: f64,
     /// Vehicles; each has an id of its own; 1 to 100,000.
     pub vehicles: u32,
-    /// Drives along the whole street, dealt to the vehicles in turn; at most 100,000.
+    /// Drives, dealt to the vehicles in turn; at most 1,000,000.
     pub drives: u32,
-    /// Midnight before the first drive, in nanoseconds since the Unix epoch.
-    pub first_day_ns: i64,
+    /// Length of a drive in kilometres; 0.2 to 100.
+    pub drive_km: f64,
     /// Days over which the drives are spread; 1 to 3,650.
     pub days: u32,
+    /// What logs hold.
+    pub profile: Profile,
+    /// How well the vehicles measure.
+    pub noise: Noise,
+    /// Whether a table beside each log says which element every detection is of.
+    pub matching_truth: bool,
 }
 
 impl Default for CitySpec {
@@ -37,13 +69,16 @@ impl Default for CitySpec {
         Self {
             seed: 1,
             anchor: [10.0, 50.0, 300.0],
-            roads: 4,
-            road_length_m: 700.0,
-            changes_per_kind: 6,
+            site: Site::Drawn { km: 3.0 },
+            change_share: 0.06,
+            during_share: 0.0,
             vehicles: 32,
-            drives: 40,
-            first_day_ns: FIRST_DAY_NS,
+            drives: 48,
+            drive_km: 2.5,
             days: 28,
+            profile: Profile::Detections,
+            noise: Noise::default(),
+            matching_truth: false,
         }
     }
 }
@@ -55,13 +90,24 @@ impl CitySpec {
         within("anchor longitude", longitude_deg, -180.0, 180.0)?;
         within("anchor latitude", latitude_deg, -80.0, 80.0)?;
         within("anchor height", height_m, -500.0, 9_000.0)?;
-        within("roads", f64::from(self.roads), 1.0, 100.0)?;
-        within("road_length_m", self.road_length_m, 200.0, 10_000.0)?;
+        if let Site::Drawn { km } = self.site {
+            within("km", km, 1.0, 2_000.0)?;
+        }
+        within("change share", self.change_share, 0.0, 0.5)?;
+        within("during share", self.during_share, 0.0, 1.0)?;
         within("vehicles", f64::from(self.vehicles), 1.0, 1e5)?;
-        within("drives", f64::from(self.drives), 0.0, 1e5)?;
-        within("days", f64::from(self.days), 1.0, 3_650.0)?;
-        // Header stamps end in 2038; ten years of days must fit before.
-        within("first_day_ns", self.first_day_ns as f64, 0.0, 1.83e18)
+        within("drives", f64::from(self.drives), 0.0, 1e6)?;
+        within("drive km", self.drive_km, 0.2, 100.0)?;
+        within("days", f64::from(self.days), 1.0, 3_650.0)
+    }
+
+    /// When the vehicles drive and things change.
+    pub(crate) fn campaign(&self) -> Campaign {
+        Campaign {
+            begin_ns: FIRST_DAY_NS,
+            days: f64::from(self.days),
+            during: self.during_share,
+        }
     }
 }
 

@@ -1,49 +1,53 @@
 //! A city's files: two maps, the truth, and a log per drive.
 
+use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 use tilefold_formats::map_write::write_lanelet2;
 use tilefold_schemas::element::Element;
-use tilefold_tiler::geodesy::LocalFrame;
 
-use crate::drive::Drive;
-use crate::edit;
+use crate::city::City;
+use crate::drive::{Drive, Match};
+use crate::edit::{self, History};
 use crate::error::CityError;
-use crate::road::Street;
-use crate::spec::CitySpec;
-use crate::survey::Survey;
+use crate::ground::Ground;
+use crate::network;
+use crate::spec::{CitySpec, Site};
 use crate::truth;
+use crate::world::{Paint, World};
 
 /// Where a city's files are.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CityFiles {
-    /// The map with known errors: what a store is made from (Lanelet2).
+    /// The map as it was when it was made: what a store is made from (Lanelet2).
     pub before_map: PathBuf,
-    /// What is really on the road (Lanelet2).
+    /// What is on the road when the last vehicle has driven (Lanelet2).
     pub after_map: PathBuf,
     /// The differences of the two, as GeoJSON.
     pub truth: PathBuf,
-    /// One log per drive (MCAP), in order of time.
+    /// All that happened, with dates: also what was undone again, and what is no change.
+    pub history: PathBuf,
+    /// One log per drive (MCAP).
     pub logs: Vec<PathBuf>,
 }
 
 /// Makes the city of `spec` and writes its files into the folder `out`, which is made if need be;
 /// files of the same names are replaced.
 ///
-/// The same specification gives the same bytes (on one platform: sines are the system's).
+/// The same specification gives the same bytes with any number of threads (on one platform: sines
+/// are the system's). Drives are made one by one by each thread: memory holds the world and a drive
+/// per thread.
 ///
 /// # Errors
-/// If the specification is outside of its limits, or a file cannot be written.
+/// If the specification is outside of its limits, or a file cannot be read or written.
 pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
     spec.check()?;
-    let street = Street::draw(spec);
-    let survey = Survey {
-        street: &street,
-        frame: LocalFrame::new(spec.anchor),
-    };
-    let maps = edit::draw(&survey, spec.seed, spec.changes_per_kind)?;
+    let mut world = world(spec)?;
+    let campaign = spec.campaign();
+    let history = edit::draw(&mut world, spec.seed, spec.change_share, campaign);
 
     let logs_folder = out.join("logs");
     fs::create_dir_all(&logs_folder).map_err(at(&logs_folder))?;
@@ -51,23 +55,66 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         before_map: out.join("before.osm"),
         after_map: out.join("after.osm"),
         truth: out.join("truth.geojson"),
+        history: out.join("history.geojson"),
         logs: (0..spec.drives)
-            .map(|index| logs_folder.join(format!("drive_{index:04}.mcap")))
+            .map(|index| logs_folder.join(format!("drive_{index:05}.mcap")))
             .collect(),
     };
-    write_map(&files.before_map, &maps.before, "before")?;
-    write_map(&files.after_map, &maps.after, "after")?;
-    fs::write(&files.truth, truth::geojson(&maps.changes)).map_err(at(&files.truth))?;
-    for (index, path) in (0..).zip(&files.logs) {
+    write_maps(&files, &world, &history, campaign.end_ns())?;
+    let city = City {
+        spec,
+        world: &world,
+        ground: Ground::new(&world),
+        begin_ns: campaign.begin_ns,
+    };
+    files.logs.par_iter().enumerate().try_for_each(|(index, path)| {
         let drive = Drive {
-            spec,
-            street: &street,
-            survey: &survey,
-            index,
+            city: &city,
+            index: index as u32,
         };
-        write_log(path, &drive)?;
-    }
+        write_log(path, &drive)
+    })?;
     Ok(files)
+}
+
+fn world(spec: &CitySpec) -> Result<World, CityError> {
+    match &spec.site {
+        Site::Drawn { km } => Ok(network::draw(spec.seed, *km, spec.anchor)),
+        Site::Mapped { map: _ } => todo!(),
+    }
+}
+
+fn write_maps(
+    files: &CityFiles,
+    world: &World,
+    history: &History,
+    end_ns: i64,
+) -> Result<(), CityError> {
+    let after: Vec<&Paint> = world.paint.iter().filter(|paint| paint.is_there(end_ns)).collect();
+    let after = numbered(world, &after);
+    let before: Vec<Element> = history.map.iter().map(|paint| world.element(paint)).collect();
+    write_map(&files.before_map, &before, "before")?;
+    write_map(&files.after_map, &after, "after")?;
+    let lasting = history.changes.iter().filter(|change| truth::is_so(change, end_ns));
+    let text = truth::geojson(world, lasting);
+    fs::write(&files.truth, text).map_err(at(&files.truth))?;
+    let text = truth::geojson(world, history.changes.iter());
+    fs::write(&files.history, text).map_err(at(&files.history))
+}
+
+/// Elements with ids of their own: the two ends of a partly removed line have the same.
+fn numbered(world: &World, paint: &[&Paint]) -> Vec<Element> {
+    let mut next = paint.iter().map(|paint| paint.id).max().unwrap_or(0) + 1_000_000;
+    let mut elements: Vec<Element> = Vec::with_capacity(paint.len());
+    for paint in paint {
+        let mut element = world.element(paint);
+        if elements.last().is_some_and(|last| last.id == element.id) {
+            element.id.0 = next;
+            next += 1;
+        }
+        elements.push(element);
+    }
+    elements
 }
 
 fn at(path: &Path) -> impl Fn(io::Error) -> CityError {
@@ -89,11 +136,32 @@ fn write_map(path: &Path, elements: &[Element], version: &str) -> Result<(), Cit
 
 fn write_log(path: &Path, drive: &Drive<'_>) -> Result<(), CityError> {
     let out = BufWriter::new(File::create(path).map_err(at(path))?);
-    let out = drive.write(out).map_err(|source| CityError::Log {
+    let (out, matches) = drive.write(out).map_err(|source| CityError::Log {
         path: path.to_owned(),
         source,
     })?;
-    finish(path, out)
+    finish(path, out)?;
+    if drive.city.spec.matching_truth {
+        let path = path.with_extension("matching.csv");
+        fs::write(&path, table(&matches)).map_err(at(&path))?;
+    }
+    Ok(())
+}
+
+/// The matching truth of a drive.
+fn table(matches: &[Match]) -> String {
+    let mut text = String::from("stamp_ns,detection,element_id\n");
+    for Match {
+        stamp_ns,
+        detection,
+        element,
+    } in matches
+    {
+        let element = element.map_or_else(String::new, |id| id.to_string());
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{stamp_ns},{detection},{element}");
+    }
+    text
 }
 
 /// What is still buffered is written, so that a full disk is an error and not a short file.

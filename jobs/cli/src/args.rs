@@ -98,6 +98,9 @@ pub(crate) enum Command {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
+    /// Makes a city by seed, or takes a map as one: changes it, drives through it, writes maps, truth
+    /// and logs.
+    Simulate(Simulation),
     /// Creates a store from a base map.
     Init {
         /// Folder of the new store.
@@ -192,6 +195,60 @@ pub(crate) enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+/// What `simulate` makes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Simulation {
+    /// Folder for `before.osm` (the map), `after.osm` (the road), `truth.geojson`,
+    /// `history.geojson` and `logs/`; files of these names are replaced.
+    pub out: PathBuf,
+    /// Seed: the same seed and options give the same bytes.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// What the logs hold.
+    #[arg(long, value_enum, default_value_t)]
+    pub profile: ProfileName,
+    /// A Lanelet2 map (.osm) to drive through instead of a drawn city.
+    #[arg(long, conflicts_with = "km")]
+    pub map: Option<PathBuf>,
+    /// Kilometres of road of a drawn city.
+    #[arg(long, default_value_t = 3.0)]
+    pub km: f64,
+    /// Vehicles.
+    #[arg(long, default_value_t = 32)]
+    pub vehicles: u32,
+    /// Drives of all vehicles together; one and a half for each if not given.
+    #[arg(long)]
+    pub drives: Option<u32>,
+    /// Length of a drive in kilometres.
+    #[arg(long, default_value_t = 2.5)]
+    pub drive_km: f64,
+    /// Days over which the drives are spread.
+    #[arg(long, default_value_t = 28)]
+    pub days: u32,
+    /// Share of the map's elements to which something happens. 0: a control.
+    #[arg(long, default_value_t = 0.06)]
+    pub changes: f64,
+    /// Share of the changes that happen between the first drive and the last, not before.
+    #[arg(long, default_value_t = 0.0)]
+    pub during: f64,
+    /// How well the vehicles measure: the name of a profile or a TOML file.
+    #[arg(long, default_value = "paper_like")]
+    pub noise: String,
+    /// Writes beside each log which element every detection is of.
+    #[arg(long)]
+    pub matching_truth: bool,
+}
+
+/// Name of a log profile on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum ProfileName {
+    /// Detections in metres, as made on the vehicle.
+    #[default]
+    Detections,
+    /// Camera images.
+    Camera,
 }
 
 /// A secret of 32 bytes; not printed.

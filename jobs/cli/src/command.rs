@@ -30,6 +30,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
     match &args.command {
         Command::Demo { out, seed } => demo::demo(args, out, *seed),
+        Command::Simulate(simulation) => simulate::simulate(args, simulation),
         Command::Init {
             store,
             map,

@@ -5,6 +5,7 @@ mod command;
 mod demo;
 mod progress;
 mod report;
+mod simulate;
 mod table;
 
 use std::process::ExitCode;

@@ -1,0 +1,14 @@
+//! A city ready to be driven through: its world, what happened in it, and when.
+
+use crate::ground::Ground;
+use crate::spec::CitySpec;
+use crate::world::World;
+
+/// A city ready to be driven through.
+pub(crate) struct City<'a> {
+    pub(crate) spec: &'a CitySpec,
+    pub(crate) world: &'a World,
+    pub(crate) ground: Ground<'a>,
+    /// When the campaign begins.
+    pub(crate) begin_ns: i64,
+}
