@@ -14,8 +14,10 @@ use tilefold_tiler::geodesy::LocalFrame;
 use crate::course::Course;
 use crate::curve::Place;
 use crate::detector::Detector;
+use crate::inertial::Inertial;
+use crate::noise::Noise;
 use crate::random::Random;
-use crate::receiver::{CLAIMED_COVARIANCE_M2, CLAIMED_YAW_VARIANCE_RAD2, Receiver};
+use crate::receiver::Receiver;
 use crate::road::Street;
 use crate::spec::CitySpec;
 use crate::survey::Survey;
@@ -55,6 +57,7 @@ pub(crate) struct Drive<'a> {
     pub(crate) spec: &'a CitySpec,
     pub(crate) street: &'a Street,
     pub(crate) survey: &'a Survey<'a>,
+    pub(crate) noise: &'a Noise,
     pub(crate) index: u32,
 }
 
@@ -121,35 +124,46 @@ impl Drive<'_> {
     }
 
     fn fixes(&self, course: &Course<'_>) -> Vec<Record> {
-        let mut receiver = Receiver::draw(self.random("position"));
+        let mut receiver = Receiver::draw(&self.noise.gnss, self.random("position"));
         let period_s = GNSS.period_ns as f64 * 1e-9;
+        let mut last = None;
         self.ticks(GNSS, course)
             .map(|(stamp_ns, seconds)| {
-                let place = course.place(seconds);
-                let [east_m, north_m, up_m] = receiver.position_error_m(period_s);
+                let error = receiver.next_fix(period_s, 0.0);
+                let place = course.place(seconds - error.delay_s);
+                let [east_m, north_m, up_m] = error.error_m;
                 let measured = [place.east_m + east_m, place.north_m + north_m];
                 let [longitude_deg, latitude_deg, height_m] = self.survey.on_earth(measured);
-                let payload = Payload::Gnss(GnssFix {
+                let fix = Payload::Gnss(GnssFix {
                     latitude_deg,
                     longitude_deg,
                     altitude_m: height_m + up_m,
-                    covariance_enu_m2: Some(CLAIMED_COVARIANCE_M2),
-                    has_fix: true,
+                    covariance_enu_m2: Some(receiver.claimed_covariance_m2()),
+                    has_fix: error.has_fix,
                 });
+                let payload = last.take().filter(|_| error.is_repeated).unwrap_or(fix);
+                last = Some(payload.clone());
                 record("/gnss/fix", "base_link", stamp_ns, GNSS, payload)
             })
             .collect()
     }
 
     fn headings(&self, course: &Course<'_>, dialect: Dialect) -> Vec<Record> {
-        let mut receiver = Receiver::draw(self.random("heading"));
+        let mut inertial = Inertial::draw(&self.noise.imu, self.random("heading"));
+        let period_s = HEADING.period_ns as f64 * 1e-9;
+        let yaw_variance_rad2 = self.noise.imu.claimed_yaw_deg.to_radians().powi(2);
         self.ticks(HEADING, course)
             .map(|(stamp_ns, seconds)| {
-                let yaw_rad = self.true_yaw_rad(&course.place(seconds)) + receiver.yaw_error_rad();
-                let rate_rad_s = course.yaw_rate_rad_s(seconds) + receiver.yaw_rate_error_rad_s();
+                let yaw_rad =
+                    self.true_yaw_rad(&course.place(seconds)) + inertial.yaw_error_rad(period_s);
+                let rate_rad_s = course.yaw_rate_rad_s(seconds) + inertial.yaw_rate_error_rad_s();
                 let orientation = about_up(yaw_rad);
                 let (topic, frame_id, payload) = match dialect {
-                    Dialect::Ros2 => ("/imu", "base_link", imu(orientation, rate_rad_s)),
+                    Dialect::Ros2 => (
+                        "/imu",
+                        "base_link",
+                        imu(orientation, yaw_variance_rad2, rate_rad_s),
+                    ),
                     Dialect::Foxglove => ("/heading", "enu", pose(orientation)),
                 };
                 record(topic, frame_id, stamp_ns, HEADING, payload)
@@ -194,10 +208,10 @@ fn record(
     }
 }
 
-fn imu(orientation: Quaternion, yaw_rate_rad_s: f64) -> Payload {
+fn imu(orientation: Quaternion, yaw_variance_rad2: f64, yaw_rate_rad_s: f64) -> Payload {
     Payload::Imu(Imu {
         orientation: Some(orientation),
-        yaw_variance_rad2: Some(CLAIMED_YAW_VARIANCE_RAD2),
+        yaw_variance_rad2: Some(yaw_variance_rad2),
         angular_velocity_rad_s: Some([0.0, 0.0, yaw_rate_rad_s]),
     })
 }

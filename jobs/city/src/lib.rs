@@ -6,7 +6,8 @@
 //! `curve` (where the street runs) -> `road` (which lines are painted) -> `survey` (elements of the
 //! true map) -> `edit` (the map with known errors, and the truth) on the one hand, and
 //! `course` (how a vehicle moves) -> `receiver`, `detector` (what it measures) -> `drive` (its log)
-//! on the other. `write` joins them.
+//! on the other. `write` joins them. How sensors err is read from parameter files (`noise`); `receiver`,
+//! `inertial` and `mounting` draw errors from them.
 //!
 //! Frames: the city is planar, in the east-north-up frame of [`CitySpec::anchor`]; stations are
 //! metres along the street, offsets metres to its left.
@@ -14,9 +15,13 @@
 mod course;
 mod curve;
 mod detector;
+mod drift;
 mod drive;
 mod edit;
 mod error;
+mod inertial;
+mod mounting;
+mod noise;
 mod random;
 mod receiver;
 mod relief;
@@ -28,6 +33,14 @@ mod world;
 mod write;
 
 pub use error::CityError;
+pub use inertial::{Inertial, Wheels};
+pub use mounting::{Body, Misalignment, clock_offset_s};
+pub use noise::{
+    Areas, ClockNoise, Clutter, DetectorNoise, Drift, GnssNoise, ImuNoise, Lateral, Miss,
+    MountingNoise, Noise, NoiseProfile, Profile, Reading, Traffic, View, WheelNoise, presets,
+};
+pub use random::Random;
+pub use receiver::{FixError, Receiver};
 pub use relief::Relief;
 pub use spec::CitySpec;
 pub use world::{Building, Lane, Paint, Point, World};

@@ -11,6 +11,7 @@ use tilefold_tiler::geodesy::LocalFrame;
 use crate::drive::Drive;
 use crate::edit;
 use crate::error::CityError;
+use crate::noise::NoiseProfile;
 use crate::road::Street;
 use crate::spec::CitySpec;
 use crate::survey::Survey;
@@ -45,6 +46,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
     };
     let maps = edit::draw(&survey, spec.seed, spec.changes_per_kind)?;
 
+    let noise = NoiseProfile::load("paper_like")?;
     let logs_folder = out.join("logs");
     fs::create_dir_all(&logs_folder).map_err(at(&logs_folder))?;
     let files = CityFiles {
@@ -63,6 +65,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
             spec,
             street: &street,
             survey: &survey,
+            noise: noise.of(index % spec.vehicles),
             index,
         };
         write_log(path, &drive)?;
