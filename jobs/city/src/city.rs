@@ -1,6 +1,7 @@
 //! A city ready to be driven through: its world, what happened in it, and when.
 
 use crate::ground::Ground;
+use crate::noise::NoiseProfile;
 use crate::spec::CitySpec;
 use crate::world::World;
 
@@ -9,6 +10,7 @@ pub(crate) struct City<'a> {
     pub(crate) spec: &'a CitySpec,
     pub(crate) world: &'a World,
     pub(crate) ground: Ground<'a>,
+    pub(crate) noise: NoiseProfile,
     /// When the campaign begins.
     pub(crate) begin_ns: i64,
 }

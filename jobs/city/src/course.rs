@@ -21,12 +21,9 @@ const WAIT_S: (f64, f64) = (3.0, 35.0);
 /// Amplitude and length of the waves in which vehicles wander within their lane, in metres.
 const WANDER_M: (f64, f64) = (0.05, 0.2);
 const WANDER_LENGTH_M: (f64, f64) = (90.0, 250.0);
-/// How the body leans: radians per metre per second squared of acceleration, and of the road's
-/// unevenness.
+/// How the body leans: radians per metre per second squared of acceleration.
 const PITCH_PER_M_S2: f64 = 0.004;
 const ROLL_PER_M_S2: f64 = 0.005;
-const UNEVEN_RAD: f64 = 0.003;
-const UNEVEN_LENGTH_M: (f64, f64) = (7.0, 25.0);
 
 /// A wave over station.
 #[derive(Debug, Clone, Copy)]
@@ -58,7 +55,7 @@ pub(crate) struct Motion {
     pub(crate) place: Place,
     /// Height of the ground, in metres.
     pub(crate) up_m: f64,
-    /// Nose down and right side down, against the road's own plane, in radians (REP 103).
+    /// Nose down and right side down, as braking and curves lean the body, in radians (REP 103).
     pub(crate) pitch_rad: f64,
     pub(crate) roll_rad: f64,
     /// The road's own slope along the vehicle, upwards positive, in radians.
@@ -81,7 +78,6 @@ pub(crate) struct Course {
     /// Seconds that are waited at a step, by step.
     waits: Vec<(usize, f64)>,
     wander: [Wave; 2],
-    uneven: [Wave; 2],
 }
 
 impl Course {
@@ -94,14 +90,12 @@ impl Course {
             speed_m_s[*step] = 0.0;
         }
         accelerate(&mut speed_m_s);
-        let uneven = (0.5 * UNEVEN_RAD, UNEVEN_RAD);
         let mut course = Self {
             passed_s: vec![0.0; steps.len()],
             steps,
             speed_m_s,
             waits,
             wander: [0, 1].map(|_| Wave::draw(WANDER_M, WANDER_LENGTH_M, random)),
-            uneven: [0, 1].map(|_| Wave::draw(uneven, UNEVEN_LENGTH_M, random)),
         };
         course.run();
         course
@@ -147,6 +141,17 @@ impl Course {
         let left_m: f64 = self.wander.iter().map(|wave| wave.at(station_m)).sum();
         let [east_m, north_m, up_m] = self.on_path(station_m);
         [east_m - left_m * north, north_m + left_m * east, up_m]
+    }
+
+    /// The lanes driven, each with the station at which it is entered.
+    pub(crate) fn lanes(&self) -> Vec<(usize, f64)> {
+        let mut lanes: Vec<(usize, f64)> = Vec::new();
+        for (index, step) in self.steps.iter().enumerate() {
+            if lanes.last().is_none_or(|(lane, _)| *lane != step.lane) {
+                lanes.push((step.lane, index as f64 * STEP_M));
+            }
+        }
+        lanes
     }
 
     /// Metres from the begin to the end.
@@ -198,8 +203,8 @@ impl Course {
         Motion {
             place: self.place(station_m),
             up_m: self.on_path(station_m)[2],
-            pitch_rad: self.uneven[0].at(station_m) - PITCH_PER_M_S2 * gain_m_s2,
-            roll_rad: self.uneven[1].at(station_m) + ROLL_PER_M_S2 * lateral_m_s2,
+            pitch_rad: -PITCH_PER_M_S2 * gain_m_s2,
+            roll_rad: ROLL_PER_M_S2 * lateral_m_s2,
             slope_rad: (rise_m / 4.0).atan(),
             speed_m_s,
             yaw_rate_rad_s: turn_rad / 2.0 * speed_m_s,

@@ -3,7 +3,8 @@
 //! It is a camera's detector: paint is projected with the camera's true attitude and back with the
 //! believed one onto flat ground, so that errors grow with the distance; other vehicles hide it.
 //! `look` says which stretches of paint can be seen -> `view` moves them as the believed attitude
-//! does -> `temper` says what is missed and how lines waver -> `phantom` are lines where no paint is.
+//! does -> `temper` says what is missed, how lines waver and what they are taken for -> `phantom` are
+//! lines where no paint is.
 
 mod look;
 mod phantom;
@@ -13,12 +14,12 @@ mod view;
 use tilefold_schemas::element::{Color, ElementKind, Marking, SignClass};
 use tilefold_schemas::log::Detection;
 
+use crate::city::City;
 use crate::course::{Course, Motion};
-use crate::ground::Ground;
-use crate::noise::{DetectorNoise, MountingNoise};
+use crate::mounting::{Body, Misalignment};
+use crate::noise::{DetectorNoise, Noise};
 use crate::random::Random;
 use crate::traffic::Vehicle;
-use crate::world::World;
 use look::Look;
 use phantom::Phantoms;
 use temper::Temper;
@@ -26,6 +27,8 @@ use view::View;
 
 /// Points are given in steps of 1/1024 m.
 const STEPS_PER_M: f64 = 1024.0;
+/// Paint is looked for this much further than can be seen, in metres.
+const BEYOND_M: f64 = 5.0;
 
 /// A detection, and the paint that it is of; none for what is not there.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,41 +54,37 @@ struct Sight {
 
 /// The detector of one drive.
 pub(crate) struct Detector<'a> {
-    world: &'a World,
-    ground: &'a Ground<'a>,
+    city: &'a City<'a>,
     noise: &'a DetectorNoise,
+    body: Body,
     view: View,
     temper: Temper,
     phantoms: Phantoms,
 }
 
-/// Streams of lots of a drive and of its vehicle.
-pub(crate) struct Lots {
-    pub(crate) drive: [Random; 2],
+/// Streams of lots: of the drive, and of its vehicle, which errs alike in all of its drives.
+pub(crate) struct Lots<'a> {
+    pub(crate) drive: &'a dyn Fn(&str) -> Random,
     pub(crate) vehicle: Random,
 }
 
 impl<'a> Detector<'a> {
-    pub(crate) fn new(
-        world: &'a World,
-        ground: &'a Ground<'a>,
-        (noise, mounting): (&'a DetectorNoise, &MountingNoise),
-        course: &Course,
-        lots: Lots,
-    ) -> Self {
-        let [temper, phantoms] = lots.drive;
+    pub(crate) fn new(city: &'a City<'a>, noise: &'a Noise, course: &Course, lots: Lots) -> Self {
         let mut vehicle = lots.vehicle;
+        let misalignment = Misalignment::draw(&noise.mounting, &mut vehicle);
+        let phantoms = (lots.drive)("phantoms");
         Self {
-            world,
-            ground,
-            noise,
-            view: View::draw(noise, mounting, &mut vehicle),
-            temper: Temper::new(noise, temper),
-            phantoms: Phantoms::draw(noise, course, phantoms),
+            city,
+            noise: &noise.detector,
+            body: Body::draw(&noise.mounting, (lots.drive)("body")),
+            view: View::draw(&noise.detector.lateral, misalignment, &mut vehicle),
+            temper: Temper::new(&noise.detector, (lots.drive)("detector")),
+            phantoms: Phantoms::draw(city, &noise.detector, course, phantoms),
         }
     }
 
-    /// What is seen at a time from where the vehicle is, among other vehicles.
+    /// What is seen at a time from where the vehicle is, among other vehicles, `period_s` after the
+    /// last look.
     pub(crate) fn look(
         &mut self,
         motion: &Motion,
@@ -93,26 +92,29 @@ impl<'a> Detector<'a> {
         time_ns: i64,
         period_s: f64,
     ) -> Vec<Seen> {
+        let [roll_rad, pitch_rad] = self.body.roll_pitch_rad(period_s);
+        let leaning = [motion.roll_rad + roll_rad, motion.pitch_rad + pitch_rad];
         if self.temper.is_blind(period_s) {
             return Vec::new();
         }
         let look = Look::new(self.noise, motion, traffic);
+        let ground = &self.city.ground;
         let place = [motion.place.east_m, motion.place.north_m];
-        let reach_m = self.noise.far_m.max(self.noise.sign_far_m) + 5.0;
-        let mut sights = look.paint(&self.ground.near(place, reach_m, time_ns));
-        let ghosts = self.ground.gone(place, reach_m, time_ns);
-        sights.extend(look.ghosts(&ghosts, &mut self.phantoms, self.world.paint.len()));
-        let kerbs = self.ground.kerbs(place, reach_m);
-        let from = (motion.station_m, self.noise);
-        sights.extend(self.phantoms.lines(&look, &kerbs, from));
+        let reach_m = self.noise.view.far_m + BEYOND_M;
+        let mut sights = look.paint(&ground.near(place, reach_m, time_ns));
+        let ghosts = ground.gone(place, reach_m, time_ns);
+        sights.extend(look.ghosts(&ghosts, &mut self.phantoms, self.city.world.paint.len()));
+        sights.extend(self.phantoms.lines(&look, motion.station_m, self.noise));
         let mut seen = Vec::new();
         for sight in sights {
-            let Some(believed) = self.view.believed(motion, &look, &self.world.relief, &sight) else {
+            let rises = |point| look.rise_m(point, &self.city.world.relief);
+            let Some(believed) = self.view.believed(leaning, &sight, rises) else {
                 continue;
             };
-            seen.extend(self.temper.tell(sight, believed, period_s));
+            let driven_m = motion.speed_m_s * period_s;
+            seen.extend(self.temper.tell(&sight, believed, period_s, driven_m));
         }
-        seen.extend(self.phantoms.clutter(self.noise, period_s));
+        seen.extend(self.phantoms.flicker(self.noise));
         seen
     }
 }
@@ -120,5 +122,8 @@ impl<'a> Detector<'a> {
 /// Points as detectors give them: on the ground, in round steps.
 fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 3]> {
     let round = |metres: f64| (metres * STEPS_PER_M).round() / STEPS_PER_M;
-    points.iter().map(|&[x_m, y_m]| [round(x_m), round(y_m), 0.0]).collect()
+    points
+        .iter()
+        .map(|&[x_m, y_m]| [round(x_m), round(y_m), 0.0])
+        .collect()
 }

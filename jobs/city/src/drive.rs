@@ -14,8 +14,11 @@ use tilefold_tiler::geodesy::LocalFrame;
 use crate::city::City;
 use crate::course::{Course, Motion};
 use crate::detector::{Detector, Lots};
+use crate::inertial::Inertial;
+use crate::mounting::clock_offset_s;
+use crate::noise::Noise;
 use crate::random::Random;
-use crate::receiver::{CLAIMED_COVARIANCE_M2, CLAIMED_YAW_VARIANCE_RAD2, Receiver};
+use crate::receiver::Receiver;
 use crate::route;
 use crate::traffic::Traffic;
 
@@ -31,21 +34,23 @@ struct Clock {
     latency_ns: i64,
 }
 
-const GNSS: Clock = Clock {
-    phase_ns: 35 * MS,
-    period_ns: 200 * MS,
-    latency_ns: 60 * MS,
-};
-const HEADING: Clock = Clock {
-    phase_ns: 10 * MS,
-    period_ns: 100 * MS,
-    latency_ns: 3 * MS,
-};
-const CAMERA: Clock = Clock {
-    phase_ns: 500 * MS,
-    period_ns: 100 * MS,
-    latency_ns: 45 * MS,
-};
+impl Clock {
+    const GNSS_PHASE_NS: i64 = 35 * MS;
+    const HEADING_PHASE_NS: i64 = 10 * MS;
+    const CAMERA_PHASE_NS: i64 = 500 * MS;
+
+    fn new(rate_hz: f64, phase_ns: i64, latency_ns: i64) -> Self {
+        Self {
+            phase_ns,
+            period_ns: ((1e9 / rate_hz) as i64).max(MS),
+            latency_ns,
+        }
+    }
+
+    fn period_s(self) -> f64 {
+        self.period_ns as f64 * 1e-9
+    }
+}
 
 /// Which drive of a city.
 pub(crate) struct Drive<'a> {
@@ -122,6 +127,7 @@ impl Drive<'_> {
         let start_ns = self.start_ns(course.seconds());
         let under_way = UnderWay {
             drive: self,
+            noise: self.city.noise.of(self.vehicle()),
             course: &course,
             start_ns,
         };
@@ -136,6 +142,7 @@ impl Drive<'_> {
 /// A drive whose motion is drawn.
 struct UnderWay<'a> {
     drive: &'a Drive<'a>,
+    noise: &'a Noise,
     course: &'a Course,
     start_ns: i64,
 }
@@ -153,85 +160,87 @@ impl UnderWay<'_> {
     }
 
     fn fixes(&self) -> Vec<Record> {
-        let mut receiver = Receiver::draw(self.drive.random("position"));
-        let period_s = GNSS.period_ns as f64 * 1e-9;
-        self.ticks(GNSS)
+        let clock = Clock::new(self.noise.gnss.rate_hz, Clock::GNSS_PHASE_NS, 60 * MS);
+        let mut receiver = Receiver::draw(&self.noise.gnss, self.drive.random("position"));
+        let city = self.drive.city;
+        let mut last = None;
+        self.ticks(clock)
             .map(|(stamp_ns, seconds)| {
-                let motion = self.course.motion(seconds);
-                let [east_m, north_m, up_m] = receiver.position_error_m(period_s);
-                let [longitude_deg, latitude_deg, altitude_m] = self.drive.city.world.on_earth([
+                let here = self.course.motion(seconds).place;
+                let closeness = city.ground.closeness([here.east_m, here.north_m]);
+                let error = receiver.next_fix(clock.period_s(), closeness);
+                let motion = self.course.motion(seconds - error.delay_s);
+                let [east_m, north_m, up_m] = error.error_m;
+                let [longitude_deg, latitude_deg, altitude_m] = city.world.on_earth([
                     motion.place.east_m + east_m,
                     motion.place.north_m + north_m,
                     motion.up_m + up_m,
                 ]);
-                let payload = Payload::Gnss(GnssFix {
+                let fix = Payload::Gnss(GnssFix {
                     latitude_deg,
                     longitude_deg,
                     altitude_m,
-                    covariance_enu_m2: Some(CLAIMED_COVARIANCE_M2),
-                    has_fix: true,
+                    covariance_enu_m2: Some(receiver.claimed_covariance_m2()),
+                    has_fix: error.has_fix,
                 });
-                record("/gnss/fix", "base_link", stamp_ns, GNSS, payload)
+                let payload = last.take().filter(|_| error.is_repeated).unwrap_or(fix);
+                last = Some(payload.clone());
+                record("/gnss/fix", "base_link", stamp_ns, clock, payload)
             })
             .collect()
     }
 
     fn headings(&self, dialect: Dialect) -> Vec<Record> {
-        let mut receiver = Receiver::draw(self.drive.random("heading"));
-        self.ticks(HEADING)
+        let clock = Clock::new(self.noise.imu.rate_hz, Clock::HEADING_PHASE_NS, 3 * MS);
+        let mut inertial = Inertial::draw(&self.noise.imu, self.drive.random("heading"));
+        let yaw_variance_rad2 = self.noise.imu.claimed_yaw_deg.to_radians().powi(2);
+        self.ticks(clock)
             .map(|(stamp_ns, seconds)| {
                 let motion = self.course.motion(seconds);
-                let yaw_rad = self.true_yaw_rad(&motion) + receiver.yaw_error_rad();
-                let rate_rad_s = motion.yaw_rate_rad_s + receiver.yaw_rate_error_rad_s();
+                let yaw_rad = self.true_yaw_rad(&motion) + inertial.yaw_error_rad(clock.period_s());
+                let rate_rad_s = motion.yaw_rate_rad_s + inertial.yaw_rate_error_rad_s();
                 let orientation = about_up(yaw_rad);
                 let (topic, frame_id, payload) = match dialect {
-                    Dialect::Ros2 => ("/imu", "base_link", imu(orientation, rate_rad_s)),
+                    Dialect::Ros2 => {
+                        let imu = imu(orientation, yaw_variance_rad2, rate_rad_s);
+                        ("/imu", "base_link", imu)
+                    }
                     Dialect::Foxglove => ("/heading", "enu", pose(orientation)),
                 };
-                record(topic, frame_id, stamp_ns, HEADING, payload)
+                record(topic, frame_id, stamp_ns, clock, payload)
             })
             .collect()
     }
 
     fn frames(&self, matches: &mut Vec<Match>) -> Vec<Record> {
+        let rate_hz = self.noise.detector.view.rate_hz;
+        let clock = Clock::new(rate_hz, Clock::CAMERA_PHASE_NS, 45 * MS);
         let Drive { city, .. } = self.drive;
-        let noise = &city.spec.noise;
-        let vehicle = self.drive.vehicle();
-        let mut detector = Detector::new(
-            city.world,
-            &city.ground,
-            (&noise.detector, &noise.mounting),
-            self.course,
-            Lots {
-                drive: [self.drive.random("detector"), self.drive.random("phantoms")],
-                vehicle: Random::new(city.spec.seed, "mounting", vehicle),
-            },
-        );
-        let density = noise.detector.traffic_per_lane_km;
-        let traffic = Traffic::draw(density, &mut self.drive.random("traffic"));
-        let offset_s = self.drive.random("clock").normal(noise.clock.offset_s);
-        let period_s = CAMERA.period_ns as f64 * 1e-9;
-        self.ticks(CAMERA)
-            .map(|(stamp_ns, seconds)| {
-                let motion = self.course.motion(seconds - offset_s);
-                let around = traffic.at(self.course, seconds);
-                let seen = detector.look(&motion, &around, stamp_ns, period_s);
-                let mut detections = Vec::with_capacity(seen.len());
-                for (detection, seen) in seen.into_iter().enumerate() {
-                    matches.push(Match {
-                        stamp_ns,
-                        detection,
-                        element: seen.element,
-                    });
-                    detections.push(seen.detection);
-                }
-                let payload = Payload::Detections(DetectionFrame {
-                    space: DetectionSpace::Metres,
-                    detections,
-                });
-                record("/perception/lanes", "base_link", stamp_ns, CAMERA, payload)
-            })
-            .collect()
+        let lots = Lots {
+            drive: &|name| self.drive.random(name),
+            vehicle: Random::new(city.spec.seed, "mounting", self.drive.vehicle()),
+        };
+        let mut detector = Detector::new(city, self.noise, self.course, lots);
+        let lots = &mut self.drive.random("traffic");
+        let traffic = Traffic::draw(&self.noise.detector.traffic, lots);
+        let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
+        let mut frames = Vec::new();
+        for (stamp_ns, seconds) in self.ticks(clock) {
+            let motion = self.course.motion(seconds - late_s);
+            let around = traffic.at(self.course, seconds - late_s);
+            let seen = detector.look(&motion, &around, stamp_ns, clock.period_s());
+            matches.extend(seen.iter().enumerate().map(|(detection, seen)| Match {
+                stamp_ns,
+                detection,
+                element: seen.element,
+            }));
+            let payload = Payload::Detections(DetectionFrame {
+                space: DetectionSpace::Metres,
+                detections: seen.into_iter().map(|seen| seen.detection).collect(),
+            });
+            frames.push(record("/perception/lanes", "base_link", stamp_ns, clock, payload));
+        }
+        frames
     }
 
     /// A yaw of the city's plane as one against true north where the vehicle is.
@@ -259,10 +268,10 @@ fn record(
     }
 }
 
-fn imu(orientation: Quaternion, yaw_rate_rad_s: f64) -> Payload {
+fn imu(orientation: Quaternion, yaw_variance_rad2: f64, yaw_rate_rad_s: f64) -> Payload {
     Payload::Imu(Imu {
         orientation: Some(orientation),
-        yaw_variance_rad2: Some(CLAIMED_YAW_VARIANCE_RAD2),
+        yaw_variance_rad2: Some(yaw_variance_rad2),
         angular_velocity_rad_s: Some([0.0, 0.0, yaw_rate_rad_s]),
     })
 }

@@ -37,6 +37,38 @@ pub enum CityError {
         /// Why.
         source: MapWriteError,
     },
+    /// Noise parameters that could not be read.
+    #[error("cannot read noise parameters {path}: {source}; give a file, or a preset: {presets}")]
+    NoiseFile {
+        /// The file.
+        path: String,
+        /// The presets that there are.
+        presets: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// Noise parameters that are no TOML, or lack a key, or have one that is not known.
+    #[error("{file}: {why}")]
+    NoiseSyntax {
+        /// The file or preset.
+        file: String,
+        /// What is wrong, and where.
+        why: String,
+    },
+    /// A noise parameter outside of its limits.
+    #[error("{file}: {key} = {value}: give {least} to {most}")]
+    NoiseValue {
+        /// The file or preset.
+        file: String,
+        /// The key with its sections.
+        key: String,
+        /// Its value.
+        value: f64,
+        /// The least that is possible.
+        least: f64,
+        /// The most that is possible.
+        most: f64,
+    },
     /// A log that could not be written.
     #[error("{path}: {source}")]
     Log {

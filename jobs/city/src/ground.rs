@@ -1,10 +1,13 @@
-//! Which paint and which kerbs lie near a place: a grid over the city.
+//! Which paint and how many buildings are near a place: a grid over the city.
 
 use crate::world::{Paint, Point, World};
 
 /// The side of a cell, in metres.
 const CELL_M: f64 = 25.0;
 
+/// So many buildings within about this distance make a street canyon, in metres.
+const CANYON_BUILDINGS: f64 = 6.0;
+const CANYON_M: f64 = 40.0;
 /// How long traces of paint that is gone can be seen, in nanoseconds: 120 days.
 const TRACES_NS: i64 = 120 * 86_400 * 1_000_000_000;
 
@@ -12,7 +15,7 @@ const TRACES_NS: i64 = 120 * 86_400 * 1_000_000_000;
 pub(crate) struct Ground<'a> {
     world: &'a World,
     paint: Grid,
-    kerbs: Grid,
+    buildings: Grid,
 }
 
 impl<'a> Ground<'a> {
@@ -20,7 +23,7 @@ impl<'a> Ground<'a> {
         Self {
             world,
             paint: Grid::new(world.paint.iter().map(|paint| paint.points.as_slice())),
-            kerbs: Grid::new(world.kerbs.iter().map(Vec::as_slice)),
+            buildings: Grid::new(world.buildings.iter().map(|b| std::slice::from_ref(&b.at))),
         }
     }
 
@@ -51,11 +54,10 @@ impl<'a> Ground<'a> {
             .collect()
     }
 
-    /// Kerbs with a part within about `reach_m` of a place, by index.
-    pub(crate) fn kerbs(&self, at: [f64; 2], reach_m: f64) -> Vec<(usize, &'a [Point])> {
-        let world = self.world;
-        let found = self.kerbs.near(at, reach_m).into_iter();
-        found.map(|index| (index, world.kerbs[index].as_slice())).collect()
+    /// How much buildings close in on a place, 0 to 1.
+    pub(crate) fn closeness(&self, at: [f64; 2]) -> f64 {
+        let near = self.buildings.near(at, CANYON_M).len();
+        (near as f64 / CANYON_BUILDINGS).min(1.0)
     }
 }
 

@@ -3,19 +3,22 @@
 //!
 //! A `world` is drawn by seed (`network`) or taken from a map (`mapped`) -> `edit` lets things happen
 //! to its paint, with dates -> a drive takes a `route`, moves along it (`course`) amid `traffic`, and
-//! measures: `receiver` its position, `detector` the paint -> `drive` puts that into a log. `write`
-//! joins them.
+//! measures: `receiver` its position, `inertial` its heading, `detector` the paint -> `drive` puts
+//! that into a log. `write` joins them. How sensors err is read from parameter files (`noise`).
 
 mod city;
 mod course;
 mod curve;
 mod detector;
+mod drift;
 mod drive;
 mod edit;
 mod error;
 mod ground;
+mod inertial;
+mod mounting;
 mod network;
-mod noise;
+pub mod noise;
 mod random;
 mod receiver;
 mod relief;
@@ -28,9 +31,13 @@ mod write;
 
 pub use edit::{Change, ChangeType, Happening};
 pub use error::CityError;
-pub use noise::Noise;
+pub use inertial::{Inertial, Wheels};
+pub use mounting::{Body, Misalignment, clock_offset_s};
+pub use noise::NoiseProfile;
+pub use random::Random;
+pub use receiver::{FixError, Receiver};
 pub use relief::Relief;
-pub use spec::{CitySpec, Profile, Site};
+pub use spec::{CitySpec, LogProfile, Site};
 pub use traffic::Vehicle;
 pub use world::{Building, Lane, Paint, Point, World};
 pub use write::{CityFiles, write};

@@ -8,13 +8,15 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 use tilefold_schemas::id::hash_text;
 
 /// One stream of lots.
-pub(crate) struct Random {
+#[derive(Debug, Clone)]
+pub struct Random {
     generator: Pcg64Mcg,
 }
 
 impl Random {
     /// The stream called `name` with number `index`, of the city with this seed.
-    pub(crate) fn new(seed: u64, name: &str, index: u32) -> Self {
+    #[must_use]
+    pub fn new(seed: u64, name: &str, index: u32) -> Self {
         let stream = hash_text(&format!("{seed} {name} {index}"));
         Self {
             generator: Pcg64Mcg::seed_from_u64(stream.cast_unsigned()),
@@ -22,47 +24,56 @@ impl Random {
     }
 
     /// Uniform in `[0, 1)`, with 53 bits.
-    pub(crate) fn unit(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         (self.generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// Uniform in `[from, to)`.
-    pub(crate) fn between(&mut self, from: f64, to: f64) -> f64 {
+    pub fn between(&mut self, from: f64, to: f64) -> f64 {
         from + (to - from) * self.unit()
     }
 
     /// Normal with mean 0 (Box and Muller, 1958).
-    pub(crate) fn normal(&mut self, sigma: f64) -> f64 {
+    pub fn normal(&mut self, sigma: f64) -> f64 {
         let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
         sigma * radius * (TAU * self.unit()).cos()
     }
 
     /// Exponential with this mean.
-    pub(crate) fn exponential(&mut self, mean: f64) -> f64 {
+    pub fn exponential(&mut self, mean: f64) -> f64 {
         -mean * (1.0 - self.unit()).ln()
     }
 
-    /// Beta with this mean; the larger the concentration, the nearer to it.
-    pub(crate) fn beta(&mut self, mean: f64, concentration: f64) -> f64 {
-        let mean = mean.clamp(1e-3, 1.0 - 1e-3);
-        let (a, b) = (
-            self.gamma(mean * concentration),
-            self.gamma((1.0 - mean) * concentration),
-        );
-        a / (a + b).max(f64::MIN_POSITIVE)
+    /// A whole number with this mean: the one below it or the one above.
+    pub fn count(&mut self, mean: f64) -> usize {
+        mean as usize + usize::from(self.chance(mean.fract()))
     }
 
-    /// Gamma with this shape and scale 1 (Marsaglia and Tsang, 2000).
+    /// Beta-distributed with this mean; the larger the concentration, the closer to it. A mean of 0
+    /// or 1 has no spread.
+    pub fn beta(&mut self, mean: f64, concentration: f64) -> f64 {
+        if mean <= 0.0 || mean >= 1.0 {
+            return mean.clamp(0.0, 1.0);
+        }
+        let hits = self.gamma(mean * concentration);
+        let misses = self.gamma((1.0 - mean) * concentration);
+        // Both can underflow to 0 where the concentration is tiny: then it is one end or the other.
+        match hits + misses {
+            0.0 => f64::from(u8::from(self.chance(mean))),
+            sum => hits / sum,
+        }
+    }
+
+    /// Gamma-distributed with scale 1 (Marsaglia and Tsang, 2000).
     fn gamma(&mut self, shape: f64) -> f64 {
         if shape < 1.0 {
-            let lift = (1.0 - self.unit()).powf(1.0 / shape);
-            return self.gamma(shape + 1.0) * lift;
+            let lot = (1.0 - self.unit()).powf(1.0 / shape);
+            return self.gamma(shape + 1.0) * lot;
         }
         let d = shape - 1.0 / 3.0;
-        let c = 1.0 / (9.0 * d).sqrt();
         loop {
             let x = self.normal(1.0);
-            let v = (1.0 + c * x).powi(3);
+            let v = (1.0 + x / (9.0 * d).sqrt()).powi(3);
             if v > 0.0 && (1.0 - self.unit()).ln() < 0.5 * x * x + d - d * v + d * v.ln() {
                 return d * v;
             }
@@ -70,22 +81,22 @@ impl Random {
     }
 
     /// True with this probability.
-    pub(crate) fn chance(&mut self, probability: f64) -> bool {
+    pub fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
 
     /// Uniform in `0..count`; 0 if there is nothing to choose from.
-    pub(crate) fn index(&mut self, count: usize) -> usize {
+    pub fn index(&mut self, count: usize) -> usize {
         ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
     /// -1 or 1.
-    pub(crate) fn sign(&mut self) -> f64 {
+    pub fn sign(&mut self) -> f64 {
         if self.chance(0.5) { 1.0 } else { -1.0 }
     }
 
     /// Any order of `items`, each as likely as any other.
-    pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             items.swap(last, self.index(last + 1));
         }
@@ -115,15 +126,21 @@ mod tests {
     }
 
     #[test]
-    fn beta_lots_have_their_mean_and_variance() {
+    fn beta_lots_have_their_mean_and_spread() {
         let mut random = Random::new(1, "beta", 0);
-        for (mean, concentration) in [(0.9, 8.0), (0.5, 2.0), (0.1, 30.0)] {
-            let lots: Vec<f64> = (0..20_000).map(|_| random.beta(mean, concentration)).collect();
+        for (mean, concentration) in [(0.2, 2.0), (0.7, 20.0), (0.5, 0.5)] {
+            let lots: Vec<f64> = (0..20_000)
+                .map(|_| random.beta(mean, concentration))
+                .collect();
             let found = lots.iter().sum::<f64>() / 20_000.0;
-            let variance = lots.iter().map(|lot| (lot - found).powi(2)).sum::<f64>() / 20_000.0;
-            assert!((found - mean).abs() < 0.01, "{found}");
-            let expected = mean * (1.0 - mean) / (1.0 + concentration);
-            assert!((variance / expected - 1.0).abs() < 0.1, "{variance}");
+            let squares = lots.iter().map(|lot| (lot - mean).powi(2)).sum::<f64>() / 20_000.0;
+            let variance = mean * (1.0 - mean) / (concentration + 1.0);
+            assert!((found - mean).abs() < 0.012, "{mean}: {found}");
+            assert!(
+                (squares / variance - 1.0).abs() < 0.05,
+                "{variance}: {squares}"
+            );
         }
+        assert_eq!([0.0, 1.0].map(|mean| random.beta(mean, 2.0)), [0.0, 1.0]);
     }
 }

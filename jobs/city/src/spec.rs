@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use crate::edit::Campaign;
 use crate::error::CityError;
-use crate::noise::Noise;
 
 /// 2 March 2026, 00:00 UTC: the first day of every simulated campaign, in nanoseconds.
 const FIRST_DAY_NS: i64 = 1_772_409_600 * 1_000_000_000;
@@ -26,7 +25,7 @@ pub enum Site {
 
 /// What the vehicles' logs hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Profile {
+pub enum LogProfile {
     /// Detections in metres, as made on the vehicle: fast, for whole cities.
     Detections,
     /// Compressed camera images with calibration and mounting.
@@ -57,9 +56,9 @@ pub struct CitySpec {
     /// Days over which the drives are spread; 1 to 3,650.
     pub days: u32,
     /// What logs hold.
-    pub profile: Profile,
-    /// How well the vehicles measure.
-    pub noise: Noise,
+    pub profile: LogProfile,
+    /// How well the vehicles measure: a preset of [`crate::noise`] or a file.
+    pub noise: String,
     /// Whether a table beside each log says which element every detection is of.
     pub matching_truth: bool,
 }
@@ -76,8 +75,8 @@ impl Default for CitySpec {
             drives: 48,
             drive_km: 2.5,
             days: 28,
-            profile: Profile::Detections,
-            noise: Noise::default(),
+            profile: LogProfile::Detections,
+            noise: "paper_like".to_owned(),
             matching_truth: false,
         }
     }

@@ -7,13 +7,12 @@ use std::f64::consts::TAU;
 
 use crate::course::Course;
 use crate::curve::Place;
+use crate::noise;
 use crate::random::Random;
 
 /// Vehicles are within this many metres ahead or behind.
 const REACH_M: f64 = 120.0;
-/// Speeds of vehicles of the same direction against ours, and of those that come towards us, in
-/// metres per second.
-const RELATIVE_M_S: (f64, f64) = (-2.5, 2.5);
+/// Speeds of vehicles that come towards us, in metres per second.
 const ONCOMING_M_S: (f64, f64) = (9.0, 14.0);
 /// The vehicle before us: mean distance between the middles, and how it swings.
 const LEADER_M: (f64, f64) = (16.0, 45.0);
@@ -21,12 +20,11 @@ const LEADER_SWING: f64 = 0.25;
 const SWING_S: (f64, f64) = (30.0, 90.0);
 /// Sideways from our lane: neighbours and oncoming, in lanes of this width.
 const LANE_M: f64 = 3.4;
-/// Length, width and height: a car, a van, a lorry; and how many of all they are, cumulative.
-const SIZES_M: [(f64, [f64; 3]); 3] = [
-    (0.75, [4.5, 1.8, 1.5]),
-    (0.92, [5.6, 2.0, 2.3]),
-    (1.0, [11.0, 2.5, 3.6]),
-];
+/// A vehicle's height by its length: cars are low, lorries high.
+const CAR_HEIGHT_M: f64 = 1.5;
+const LORRY_HEIGHT_M: f64 = 3.6;
+/// Most vehicles are cars: lengths are drawn with this power of a lot.
+const MOSTLY_SHORT: f64 = 4.0;
 
 /// Another vehicle, at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,31 +56,30 @@ pub(crate) struct Traffic {
 }
 
 impl Traffic {
-    /// Draws traffic with so many vehicles per kilometre of a lane.
-    pub(crate) fn draw(per_lane_km: f64, random: &mut Random) -> Self {
-        let in_reach = per_lane_km * 2.0 * REACH_M / 1_000.0;
+    pub(crate) fn draw(noise: &noise::Traffic, random: &mut Random) -> Self {
+        let in_reach = noise.per_lane_km * 2.0 * REACH_M / 1_000.0;
         let mut vehicles = Vec::new();
         if random.chance(1.0 - (-in_reach).exp()) {
-            vehicles.push((leader(random), size(random)));
+            vehicles.push((leader(random), size(noise, random)));
         }
         for lanes in [-1.0, 1.0] {
-            for _ in 0..count(in_reach, random) {
+            for _ in 0..random.count(in_reach) {
                 let way = Way::Beside {
                     first_m: random.between(-REACH_M, REACH_M),
-                    gain_m_s: random.between(RELATIVE_M_S.0, RELATIVE_M_S.1),
+                    gain_m_s: random.normal(noise.speed_spread_m_s),
                     lanes,
                 };
-                vehicles.push((way, size(random)));
+                vehicles.push((way, size(noise, random)));
             }
         }
         for lanes in [2.0, 3.0] {
-            for _ in 0..count(in_reach, random) {
+            for _ in 0..random.count(in_reach) {
                 let way = Way::Comes {
                     first_m: random.between(-REACH_M, REACH_M),
                     speed_m_s: random.between(ONCOMING_M_S.0, ONCOMING_M_S.1),
                     lanes,
                 };
-                vehicles.push((way, size(random)));
+                vehicles.push((way, size(noise, random)));
             }
         }
         Self { vehicles }
@@ -154,15 +151,11 @@ fn leader(random: &mut Random) -> Way {
     }
 }
 
-/// A whole number with this mean.
-fn count(mean: f64, random: &mut Random) -> usize {
-    mean as usize + usize::from(random.chance(mean.fract()))
-}
-
-fn size(random: &mut Random) -> [f64; 3] {
-    let lot = random.unit();
-    let size = SIZES_M.iter().find(|(chance, _)| lot < *chance);
-    size.map_or(SIZES_M[0].1, |(_, size_m)| *size_m)
+fn size(noise: &noise::Traffic, random: &mut Random) -> [f64; 3] {
+    let share = random.unit().powf(MOSTLY_SHORT);
+    let between = |[least, most]: [f64; 2]| least + share * (most - least);
+    let height_m = CAR_HEIGHT_M + share * (LORRY_HEIGHT_M - CAR_HEIGHT_M);
+    [between(noise.length_m), between(noise.width_m), height_m]
 }
 
 fn wrapped_m(ahead_m: f64) -> f64 {

@@ -15,6 +15,7 @@ use crate::edit::{self, History};
 use crate::error::CityError;
 use crate::ground::Ground;
 use crate::network;
+use crate::noise::NoiseProfile;
 use crate::spec::{CitySpec, Site};
 use crate::truth;
 use crate::world::{Paint, World};
@@ -45,6 +46,7 @@ pub struct CityFiles {
 /// If the specification is outside of its limits, or a file cannot be read or written.
 pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
     spec.check()?;
+    let noise = NoiseProfile::load(&spec.noise)?;
     let mut world = world(spec)?;
     let campaign = spec.campaign();
     let history = edit::draw(&mut world, spec.seed, spec.change_share, campaign);
@@ -65,6 +67,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         spec,
         world: &world,
         ground: Ground::new(&world),
+        noise,
         begin_ns: campaign.begin_ns,
     };
     files.logs.par_iter().enumerate().try_for_each(|(index, path)| {

@@ -19,7 +19,7 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{demo, progress, table};
+use crate::{demo, progress, simulate, table};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 

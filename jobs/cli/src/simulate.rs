@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use serde_json::json;
-use tilefold_city::{CityFiles, CitySpec, Noise, Profile, Site};
+use tilefold_city::{CityFiles, CitySpec, LogProfile, Site};
 
 use crate::args::{Args, Format, ProfileName, Simulation};
 use crate::report::Outcome;
@@ -42,10 +42,10 @@ fn spec(wanted: &Simulation) -> Result<CitySpec, Box<dyn Error>> {
         drive_km: wanted.drive_km,
         days: wanted.days,
         profile: match wanted.profile {
-            ProfileName::Detections => Profile::Detections,
-            ProfileName::Camera => Profile::Camera,
+            ProfileName::Detections => LogProfile::Detections,
+            ProfileName::Camera => LogProfile::Camera,
         },
-        noise: Noise::named(&wanted.noise)?,
+        noise: wanted.noise.clone(),
         matching_truth: wanted.matching_truth,
         ..CitySpec::default()
     })

@@ -82,7 +82,7 @@ impl<'a> Look<'a> {
         let mut sights = Vec::new();
         for &(index, paint) in gone {
             let key = first_key + index;
-            if paint.kind == ElementKind::LaneMarking && phantoms.haunts(key, self.noise.ghost) {
+            if paint.kind == ElementKind::LaneMarking && phantoms.haunts(key, self.noise.miss.ghost) {
                 sights.extend(self.line(&paint.points).map(|points| Sight {
                     element: None,
                     ..sight(key, paint, points)
@@ -101,9 +101,9 @@ impl<'a> Look<'a> {
     fn stretches(&self, points: &[Point]) -> impl Iterator<Item = Vec<[f64; 2]>> + use<> {
         let mut stretches = Vec::new();
         let mut stretch = Vec::new();
-        for point in resampled(points, self.noise.point_every_m) {
+        for point in resampled(points, self.noise.view.point_every_m) {
             let seen = self.motion.place.see([point[0], point[1]]);
-            if self.sees(seen, self.noise.far_m) {
+            if self.sees(seen) {
                 stretch.push(seen);
             } else if !stretch.is_empty() {
                 stretches.push(std::mem::take(&mut stretch));
@@ -134,14 +134,14 @@ impl<'a> Look<'a> {
     fn whole(&self, paint: &Paint) -> Option<Vec<[f64; 2]>> {
         let seen = paint.points.iter().map(|p| self.motion.place.see([p[0], p[1]]));
         let seen: Vec<[f64; 2]> = seen.collect();
-        let all = seen.iter().all(|&point| self.sees(point, self.noise.sign_far_m));
+        let all = seen.iter().all(|&point| self.sees(point));
         all.then_some(seen)
     }
 
     /// Whether a place on the ground is before the camera and not hidden.
-    pub(super) fn sees(&self, [x_m, y_m]: [f64; 2], far_m: f64) -> bool {
-        (self.noise.near_m..=far_m).contains(&x_m)
-            && y_m.abs() <= self.noise.side_m
+    pub(super) fn sees(&self, [x_m, y_m]: [f64; 2]) -> bool {
+        (self.noise.view.near_m..=self.noise.view.far_m).contains(&x_m)
+            && y_m.abs() <= self.noise.view.side_m
             && y_m.abs() <= HALF_ANGLE_TAN * x_m
             && !self.boxes.iter().any(|corners| hides(corners, [x_m, y_m]))
     }

@@ -9,7 +9,7 @@ use super::{Seen, Sight, rounded};
 use crate::noise::DetectorNoise;
 use crate::random::Random;
 
-/// The markings that are mistaken for each other.
+/// The markings, signs and colours that are mistaken for each other.
 const MARKINGS: [Marking; 3] = [Marking::Solid, Marking::Dashed, Marking::SolidSolid];
 const ARROWS: [SignClass; 5] = [
     SignClass::StraightArrow,
@@ -18,18 +18,32 @@ const ARROWS: [SignClass; 5] = [
     SignClass::StraightLeftArrow,
     SignClass::StraightRightArrow,
 ];
-/// A line is remembered for this many frames after it was last before the camera.
+/// A line is forgotten that was not before the camera for this many frames: a new pass begins.
 const FORGET_FRAMES: u64 = 100;
+/// The fewest points that make a line.
+const LEAST_POINTS: usize = 3;
 
-/// What is remembered of a line in one pass.
+/// What is remembered of a thing in one pass.
 struct Memory {
-    /// Lateral noise, in units of its spread.
+    /// Lateral noise and direction, in units of their spread; and what stays for the pass.
     waver: f64,
-    /// How well this line is seen in this pass: a probability.
-    is_seen: f64,
-    hidden_s: f64,
-    /// What it is taken for throughout this pass; none: read anew in each frame.
+    turn: f64,
+    stays: f64,
+    /// A quantile of how well this pass sees the thing, 0 to 1.
+    luck: f64,
+    is_missed: bool,
+    hidden_m: f64,
+    /// What the pass took it for at first.
+    first: Reading,
     last_frame: u64,
+}
+
+/// What something is taken for.
+#[derive(Clone, Copy)]
+struct Reading {
+    marking: Marking,
+    color: Color,
+    sign: SignClass,
 }
 
 /// The moods of one drive's detector.
@@ -59,8 +73,9 @@ impl Temper {
             let oldest = self.frame.saturating_sub(FORGET_FRAMES);
             self.memories.retain(|_, memory| memory.last_frame >= oldest);
         }
-        if self.random.chance(self.noise.blind_per_s * period_s) {
-            self.blind_s = self.random.exponential(self.noise.blind_s);
+        let view = &self.noise.view;
+        if self.random.chance(view.blind_per_minute * period_s / 60.0) {
+            self.blind_s = self.random.between(view.blind_seconds[0], view.blind_seconds[1]);
         }
         self.blind_s -= period_s;
         self.blind_s > 0.0
@@ -69,61 +84,28 @@ impl Temper {
     /// What is said of a sight whose points are believed to be where `points` are.
     pub(super) fn tell(
         &mut self,
-        sight: Sight,
-        points: Vec<[f64; 2]>,
-        period_s: f64,
-    ) -> Option<Seen> {
-        match sight.kind {
-            ElementKind::LaneMarking => self.tell_line(sight, points, period_s),
-            _ => self.tell_sign(sight, points),
-        }
-    }
-
-    fn tell_line(
-        &mut self,
-        sight: Sight,
+        sight: &Sight,
         mut points: Vec<[f64; 2]>,
         period_s: f64,
+        driven_m: f64,
     ) -> Option<Seen> {
-        let noise = &self.noise;
-        let random = &mut self.random;
-        let middle = points[points.len() / 2];
-        let aside = (middle[1].abs() / noise.side_m).min(1.0);
-        let memory = self.memories.entry(sight.key).or_insert_with(|| Memory {
-            waver: random.normal(1.0),
-            is_seen: random.beta((1.0 - noise.miss) * (1.0 - sight.wear), noise.concentration),
-            hidden_s: 0.0,
-            last_frame: 0,
-        });
-        memory.last_frame = self.frame;
-        let kept = (-period_s / noise.lateral_kept_s).exp();
-        memory.waver = kept * memory.waver + random.normal((1.0 - kept * kept).sqrt());
-        if random.chance(noise.hidden_per_s * period_s) {
-            memory.hidden_s = random.exponential(noise.hidden_s);
+        let aside_m = points.get(points.len() / 2)?[1].abs();
+        self.remember(sight, aside_m);
+        let is_told = self.is_told(sight, aside_m, period_s, driven_m);
+        match sight.kind {
+            ElementKind::LaneMarking => self.waver(sight.key, &mut points, aside_m, period_s),
+            _ => self.displace(&mut points),
         }
-        memory.hidden_s -= period_s;
-        let hidden = memory.hidden_s > 0.0;
-        let seen = memory.is_seen * (1.0 - noise.miss_at_side * aside * aside);
-        let sigma_m = noise.lateral_m + (noise.lateral_at_side_m - noise.lateral_m) * aside;
-        let (shift_m, slope) = (memory.waver * sigma_m, random.normal(noise.slope_rad));
-        let is_told = random.chance(seen);
-        // What is far is lost first.
-        let reach_m = noise.far_m * (1.0 - noise.miss_at_far * random.unit());
-        points.retain(|point| point[0] <= reach_m.max(noise.near_m + 4.0));
-        for point in &mut points {
-            let off_m = random.normal(noise.point_m + noise.point_per_m * point[0]);
-            point[1] += shift_m + slope * (point[0] - noise.near_m) + off_m;
-        }
-        if hidden || !is_told || points.len() < 3 {
+        let reading = self.read(sight);
+        if !is_told || points.len() < LEAST_POINTS.min(sight.points.len()) {
             return None;
         }
-        let (marking, color) = self.read(&sight);
         let detection = Detection {
-            kind: ElementKind::LaneMarking,
-            marking,
-            color,
-            sign: SignClass::Unknown,
-            score: self.score(seen),
+            kind: sight.kind,
+            marking: reading.marking,
+            color: reading.color,
+            sign: reading.sign,
+            score: self.score(),
             points: rounded(&points),
         };
         Some(Seen {
@@ -132,52 +114,163 @@ impl Temper {
         })
     }
 
-    /// A frame's reading of marking and colour.
-    fn read(&mut self, sight: &Sight) -> (Marking, Color) {
-        let lot = self.random.unit();
-        let other = MARKINGS[self.random.index(MARKINGS.len())];
-        let marking = match lot {
-            lot if lot < self.noise.unrecognised => Marking::Unknown,
-            lot if lot < self.noise.unrecognised + self.noise.mistaken => other,
-            _ => sight.marking,
-        };
-        let color = match (self.random.chance(self.noise.color_mistaken), sight.color) {
-            (true, Color::White) => Color::Yellow,
-            (true, _) => Color::White,
-            (false, color) => color,
-        };
-        (marking, color)
-    }
-
-    fn tell_sign(&mut self, sight: Sight, mut points: Vec<[f64; 2]>) -> Option<Seen> {
-        let noise = &self.noise;
-        let random = &mut self.random;
-        let is_told = random.chance((1.0 - noise.sign_miss) * (1.0 - sight.wear));
-        let range_m = points[0][0].max(1.0);
-        let sigma_m = noise.sign_m * (range_m / noise.sign_far_m);
-        let off_m = [random.normal(2.0 * sigma_m), random.normal(sigma_m)];
-        for point in &mut points {
-            point[0] += off_m[0];
-            point[1] += off_m[1];
+    /// A pass begins with what it draws for its whole length.
+    fn remember(&mut self, sight: &Sight, aside_m: f64) {
+        let frame = self.frame;
+        if let Some(memory) = self.memories.get_mut(&sight.key) {
+            memory.last_frame = frame;
+            return;
         }
-        let other = ARROWS[random.index(ARROWS.len())];
-        let is_mistaken = random.chance(noise.sign_mistaken) && ARROWS.contains(&sight.sign);
-        let detection = Detection {
-            kind: sight.kind,
-            marking: Marking::Unknown,
-            color: sight.color,
-            sign: if is_mistaken { other } else { sight.sign },
-            score: self.score(1.0),
-            points: rounded(&points),
+        let first = self.read_anew(sight);
+        let random = &mut self.random;
+        let mean = miss(&self.noise, sight, aside_m);
+        let memory = Memory {
+            waver: random.normal(1.0),
+            turn: random.normal(1.0),
+            stays: random.normal(1.0),
+            // How much more or less often than in the mean this pass misses it.
+            luck: random.beta(mean, self.noise.miss.concentration) - mean,
+            is_missed: false,
+            hidden_m: 0.0,
+            first,
+            last_frame: frame,
         };
-        is_told.then_some(Seen {
-            detection,
-            element: sight.element,
-        })
+        self.memories.insert(sight.key, memory);
     }
 
-    fn score(&mut self, seen: f64) -> f64 {
-        let score = 0.5 + 0.5 * seen * self.random.between(0.6, 1.0);
-        (score * 256.0).round() / 256.0
+    fn is_told(&mut self, sight: &Sight, aside_m: f64, period_s: f64, driven_m: f64) -> bool {
+        let noise = &self.noise.miss;
+        let mean = miss(&self.noise, sight, aside_m);
+        let random = &mut self.random;
+        let Some(memory) = self.memories.get_mut(&sight.key) else {
+            return false;
+        };
+        if random.chance(noise.hidden_per_km * driven_m / 1_000.0) {
+            memory.hidden_m = random.between(noise.hidden_m[0], noise.hidden_m[1]);
+        }
+        memory.hidden_m -= driven_m;
+        // A miss lasts: it is drawn anew only now and then.
+        let kept = (-period_s / noise.seconds.max(1e-3)).exp();
+        if !random.chance(kept) {
+            memory.is_missed = random.chance((mean + memory.luck).clamp(0.0, 1.0));
+        }
+        !memory.is_missed && memory.hidden_m <= 0.0
     }
+
+    /// A line is given aside of where it is, turned, and only a stretch of it.
+    fn waver(&mut self, key: usize, points: &mut Vec<[f64; 2]>, aside_m: f64, period_s: f64) {
+        let (view, lateral) = (&self.noise.view, &self.noise.lateral);
+        let random = &mut self.random;
+        let Some(memory) = self.memories.get_mut(&key) else {
+            return;
+        };
+        let kept = (-period_s / lateral.seconds).exp();
+        let fresh = (1.0 - kept * kept).sqrt();
+        memory.waver = kept * memory.waver + random.normal(fresh);
+        memory.turn = kept * memory.turn + random.normal(fresh);
+        let aside = (aside_m / view.side_m).min(1.0);
+        let between = |ahead: f64, at_side: f64| ahead + aside * (at_side - ahead);
+        let shift_m = memory.waver * between(lateral.ahead_m, lateral.aside_m)
+            + memory.stays * between(lateral.pass_ahead_m, lateral.pass_aside_m);
+        let slope = memory.turn * lateral.slope_deg.to_radians();
+        let reach = random.unit();
+        points.retain(|[x_m, _]| view.reach.at(*x_m) >= reach);
+        let middle_m = points.get(points.len() / 2).map_or(0.0, |point| point[0]);
+        let ranging = memory.waver * lateral.per_metre;
+        for [x_m, y_m] in points {
+            *y_m += shift_m + slope * (*x_m - middle_m) + ranging * *x_m;
+            *y_m += random.normal(lateral.point_m);
+        }
+    }
+
+    /// A sign is given beside its place, and turned.
+    fn displace(&mut self, points: &mut [[f64; 2]]) {
+        let (areas, random) = (&self.noise.areas, &mut self.random);
+        let (dx_m, dy_m) = (random.normal(areas.along_m), random.normal(areas.across_m));
+        let (sin, cos) = random.normal(areas.yaw_deg.to_radians()).sin_cos();
+        let count = points.len() as f64;
+        let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
+        let [x_m, y_m] = [mean(0), mean(1)];
+        for point in points {
+            let [ahead_m, left_m] = [point[0] - x_m, point[1] - y_m];
+            *point = [
+                x_m + dx_m + ahead_m * cos - left_m * sin,
+                y_m + dy_m + ahead_m * sin + left_m * cos,
+            ];
+        }
+    }
+
+    /// What a frame takes a thing for: at times what the pass took it for at first.
+    fn read(&mut self, sight: &Sight) -> Reading {
+        let anew = self.read_anew(sight);
+        let is_kept = self.random.chance(self.noise.reading.kept);
+        match self.memories.get(&sight.key) {
+            Some(memory) if is_kept => memory.first,
+            _ => anew,
+        }
+    }
+
+    fn read_anew(&mut self, sight: &Sight) -> Reading {
+        let reading = &self.noise.reading;
+        let random = &mut self.random;
+        let mut lot = |unknown: f64, mistaken: f64| {
+            let (lot, other) = (random.unit(), random.unit());
+            match lot {
+                lot if lot < unknown => Taken::Unknown,
+                lot if lot < unknown + mistaken => Taken::Other(other),
+                _ => Taken::AsIs,
+            }
+        };
+        let marking = lot(reading.marking_unknown, reading.marking_mistaken);
+        let color = lot(reading.color_unknown, reading.color_mistaken);
+        let sign = lot(reading.sign_unknown, reading.sign_mistaken);
+        Reading {
+            marking: match sight.kind {
+                ElementKind::LaneMarking => marking.of(sight.marking, &MARKINGS, Marking::Unknown),
+                _ => Marking::Unknown,
+            },
+            color: color.of(sight.color, &[Color::White, Color::Yellow], Color::Unknown),
+            sign: match sight.kind {
+                ElementKind::GroundSign => sign.of(sight.sign, &ARROWS, SignClass::Unknown),
+                _ => SignClass::Unknown,
+            },
+        }
+    }
+
+    fn score(&mut self) -> f64 {
+        (self.random.between(0.5, 1.0) * 256.0).round() / 256.0
+    }
+}
+
+/// How something is read: as nothing, as another of its like, as what it is.
+enum Taken {
+    Unknown,
+    /// Which other, 0 to 1.
+    Other(f64),
+    AsIs,
+}
+
+impl Taken {
+    fn of<T: Copy + PartialEq>(&self, truth: T, likes: &[T], unknown: T) -> T {
+        match *self {
+            Self::Unknown => unknown,
+            Self::AsIs => truth,
+            Self::Other(lot) => {
+                let others: Vec<T> = likes.iter().copied().filter(|like| *like != truth).collect();
+                let index = (lot * others.len() as f64) as usize;
+                others.get(index).copied().unwrap_or(unknown)
+            }
+        }
+    }
+}
+
+/// Mean probability to miss a thing in a frame.
+fn miss(noise: &DetectorNoise, sight: &Sight, aside_m: f64) -> f64 {
+    let fresh = match sight.kind {
+        ElementKind::LaneMarking => noise.miss.aside.at(aside_m),
+        ElementKind::GroundSign => noise.areas.sign_miss,
+        ElementKind::StopLine => noise.areas.stop_line_miss,
+        ElementKind::Crosswalk => noise.areas.crosswalk_miss,
+    };
+    (fresh + noise.miss.worn * sight.wear).min(1.0)
 }
