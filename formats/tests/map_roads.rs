@@ -115,6 +115,7 @@ fn lanelets_that_cannot_be_used_are_set_aside() {
             way(3, &[11]) + &lanelet(&[1], &[3]),
             "way 3 has fewer than two points",
         ),
+        (lanelet(&[1], &[1]), "its borders enclose nothing"),
         (
             way(3, &[11, 11]) + &lanelet(&[1], &[3]),
             "a border has no length",
@@ -149,8 +150,8 @@ fn lanelets_that_cannot_be_used_are_set_aside() {
 
 /// `n` lanelets between the same two borders of `n` points.
 fn one_border_for_all(n: usize) -> String {
-    let zigzag: Vec<i64> = [21, 22].into_iter().cycle().take(n).collect();
-    let ways = way(1, &zigzag) + &way(2, &zigzag);
+    let zigzag = |ends: [i64; 2]| -> Vec<i64> { ends.into_iter().cycle().take(n).collect() };
+    let ways = way(1, &zigzag([21, 22])) + &way(2, &zigzag([11, 12]));
     let mut map = ways;
     for id in 0..n {
         map += &lanelet(&[1], &[2]).replace("id='7'", &format!("id='{id}'"));

@@ -129,16 +129,21 @@ fn ends_of(way: &Way) -> Result<[i64; 2], String> {
 }
 
 /// Turns both borders into the direction in which `left` lies on the left.
-pub(super) fn align(left: Border, right: Border) -> (Border, Border) {
+pub(super) fn align(left: Border, right: Border) -> Result<(Border, Border), String> {
     let right = match run_alike(&left.points, &right.points) {
         true => right,
         false => right.reversed(),
     };
-    // Along the left border and back along the right one is clockwise.
-    if twice_area(&left.points, &right.points) > 0.0 {
-        return (left.reversed(), right.reversed());
+    let area = twice_area(&left.points, &right.points);
+    // Of one line there and back, rounding may leave an area.
+    if area == 0.0 || left.ways == right.ways {
+        return Err("its borders enclose nothing".to_owned());
     }
-    (left, right)
+    // Along the left border and back along the right one is clockwise.
+    match area < 0.0 {
+        true => Ok((left, right)),
+        false => Ok((left.reversed(), right.reversed())),
+    }
 }
 
 /// Twice the area of the ring, in square degrees of latitude; positive if counter-clockwise.

@@ -77,7 +77,7 @@ impl<'a> Surveying<'a> {
         }
         let (left, left_has_elevations) = self.border(relation, "left")?;
         let (right, right_has_elevations) = self.border(relation, "right")?;
-        let (left, right) = align(left, right);
+        let (left, right) = align(left, right)?;
         let tags = &relation.thing.tags;
         Ok(Lanelet {
             id: relation.thing.id,
