@@ -17,6 +17,7 @@ mod detector;
 mod drive;
 mod edit;
 mod error;
+mod mapped;
 mod random;
 mod receiver;
 mod relief;
