@@ -323,6 +323,27 @@ fn the_ground_follows_the_map() {
     }
 }
 
+#[test]
+fn nobody_drives_over_a_kerb() {
+    let Some(folder) = data() else { return };
+    for (name, path, _) in maps(&folder) {
+        let world = World::from_lanelet2(&path).unwrap();
+        // One revision of Karlsruhe has a tram's rails as lanelets of no subtype.
+        let is_wide = |lane: &&Lane| lane.width_m > 1.8;
+        let lanes = world.lanes.iter().filter(is_wide);
+        let middles: Vec<_> = lanes.flat_map(|lane| &lane.centre).collect();
+        let is_driven = |kerb: &&[f64; 3]| {
+            let apart_m = |middle: &[f64; 3]| (middle[0] - kerb[0]).hypot(middle[1] - kerb[1]);
+            middles.iter().any(|middle| apart_m(middle) < 0.8)
+        };
+        let points = world.kerbs.iter().flatten().count();
+        let driven = world.kerbs.iter().flatten().filter(is_driven).count();
+        println!("{name}: {driven} of {points} points of kerbs lie on a lane's middle");
+        // Karlsruhe's low kerbs run across driveways, and some lanes begin narrow.
+        assert!(driven * 50 <= points, "{name}: {driven} of {points}");
+    }
+}
+
 fn along_m(line: &[[f64; 3]]) -> f64 {
     line.windows(2)
         .map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]))
@@ -388,6 +409,34 @@ fn a_drawn_map() {
         4,
         "kerb, border, and both sides of the open end"
     );
+}
+
+#[test]
+fn junctions_are_branches_crossings_and_what_the_map_says() {
+    // From the south into the end of lanelet 7; and one that crosses lanelet 8 further west.
+    let more = "\
+        <node id='41' lat='48.9995' lon='8.4009'/><node id='51' lat='48.9995' lon='8.40085'/>\
+        <node id='61' lat='49.0002' lon='8.4004'/><node id='71' lat='49.0002' lon='8.40035'/>\
+        <node id='62' lat='49.0' lon='8.4004'/><node id='72' lat='49.0' lon='8.40035'/>\
+        <way id='41'><nd ref='41'/><nd ref='12'/></way><way id='51'><nd ref='51'/><nd ref='22'/></way>\
+        <way id='61'><nd ref='61'/><nd ref='62'/></way><way id='71'><nd ref='71'/><nd ref='72'/></way>";
+    let marks = |relations: &[String]| -> Vec<bool> {
+        let world = world(&(DRAWN.to_owned() + more + &relations.concat())).unwrap();
+        world.lanes.iter().map(|lane| lane.is_junction).collect()
+    };
+    let ahead = relation(7, 2, 1, "");
+    let on = relation(9, 5, 4, "");
+    assert_eq!(marks(&[ahead.clone(), on.clone()]), [false, false]);
+    let merging = relation(10, 51, 41, "");
+    assert_eq!(
+        marks(&[ahead.clone(), on.clone(), merging]),
+        [true, false, true]
+    );
+    let crossing = relation(11, 61, 71, "");
+    let beside = relation(8, 3, 2, "");
+    assert_eq!(marks(&[beside, on, crossing]), [true, false, true]);
+    let turning = relation(7, 2, 1, "<tag k='turn_direction' v='left'/>");
+    assert_eq!(marks(&[turning]), [true]);
 }
 
 #[test]
