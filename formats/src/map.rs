@@ -7,13 +7,19 @@
 //!
 //! The siblings, in the way of the data: `fence` hands out bytes, counts lines and bounds what one
 //! piece of XML may take; `osm` makes nodes, ways and relations of them; `paint` says which ways are
-//! paint; `lanelet2` makes elements.
+//! paint; `lanelet2` makes elements. [`read_roads`] makes lanelets of the same file (`lanelets`), whose
+//! borders are stitched and turned in `border`; `traffic` says who may drive there and how.
 
+mod border;
 mod error;
 mod fence;
 mod lanelet2;
+mod lanelets;
 mod osm;
 mod paint;
+mod roads;
+mod rough;
+mod traffic;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -24,6 +30,7 @@ use tilefold_schemas::limits::MAX_MAP_BYTES;
 use tilefold_schemas::{Element, SetAside};
 
 pub use error::MapError;
+pub use roads::{Border, BorderKind, BorderWay, Crossing, Lanelet, Roads};
 
 /// What a map file was written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,27 +83,53 @@ pub struct MapFile {
 /// If the file cannot be read, is over a limit, is damaged, or is none of the formats that are read.
 pub fn read(path: &Path) -> Result<MapFile, MapError> {
     let name = path.display().to_string();
-    let io = |source| MapError::Io {
-        file: name.clone(),
-        source,
-    };
-    let file = File::open(path).map_err(io)?;
-    let bytes = file.metadata().map_err(io)?.len();
-    if bytes > MAX_MAP_BYTES {
-        return Err(MapError::TooLarge {
-            file: name,
-            bytes,
-            limit: MAX_MAP_BYTES,
-        });
-    }
-    read_from(file, &name)
+    read_from(open(path, &name)?, &name)
 }
 
 /// Reads a map from `source`; `name` is what losses and errors call it.
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_from(mut source: impl Read, name: &str) -> Result<MapFile, MapError> {
+pub fn read_from(source: impl Read, name: &str) -> Result<MapFile, MapError> {
+    lanelet2::read(xml(source, name)?, name)
+}
+
+/// Reads the road network of a map file.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_roads(path: &Path) -> Result<Roads, MapError> {
+    let name = path.display().to_string();
+    read_roads_from(open(path, &name)?, &name)
+}
+
+/// Reads the road network of a map from `source`; `name` is what losses and errors call it.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_roads_from(source: impl Read, name: &str) -> Result<Roads, MapError> {
+    lanelets::read(xml(source, name)?, name)
+}
+
+fn open(path: &Path, name: &str) -> Result<File, MapError> {
+    let io = |source| MapError::Io {
+        file: name.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    if bytes > MAX_MAP_BYTES {
+        return Err(MapError::TooLarge {
+            file: name.to_owned(),
+            bytes,
+            limit: MAX_MAP_BYTES,
+        });
+    }
+    Ok(file)
+}
+
+/// The whole of `source`, if it begins like XML.
+fn xml(mut source: impl Read, name: &str) -> Result<impl Read, MapError> {
     let mut head = Vec::new();
     let taken = source.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
     taken.map_err(|source| MapError::Io {
@@ -109,8 +142,7 @@ pub fn read_from(mut source: impl Read, name: &str) -> Result<MapFile, MapError>
             looks_like: looks_like.to_owned(),
         });
     }
-    let whole = std::io::Cursor::new(head).chain(source);
-    lanelet2::read(whole, name)
+    Ok(std::io::Cursor::new(head).chain(source))
 }
 
 /// How much of a file is looked at to guess its format.

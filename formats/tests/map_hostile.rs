@@ -5,11 +5,15 @@ use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 use proptest::prelude::*;
-use tilefold_formats::map::{MapError, MapFile, read_from};
+use tilefold_formats::map::{MapError, MapFile, Roads, read_from, read_roads_from};
 use tilefold_schemas::{ElementKind, Marking};
 
 fn read(text: impl AsRef<[u8]>) -> Result<MapFile, MapError> {
     read_from(text.as_ref(), "map.osm")
+}
+
+fn roads(text: impl AsRef<[u8]>) -> Result<Roads, MapError> {
+    read_roads_from(text.as_ref(), "map.osm")
 }
 
 /// A map with three good nodes and `rest`.
@@ -314,6 +318,10 @@ fn pieces() -> impl Strategy<Value = String> {
         "<member type='way' ref='3' role='right'/>",
         "<tag k='type' v='lanelet'/>",
         "<tag k='subtype' v='crosswalk'/>",
+        "<tag k='subtype' v='road'/>",
+        "<way id='4'><nd ref='1'/><nd ref='2'/></way>",
+        "<member type='way' ref='4' role='left'/>",
+        "<member type='way' ref='4' role='right'/>",
         "<!-- -->",
         "<![CDATA[x]]>",
         "<?pi?>",
@@ -336,6 +344,7 @@ proptest! {
     #[test]
     fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..400), head in "(<osm>|<|\\{)?") {
         let _ = read([head.as_bytes(), &bytes].concat());
+        let _ = roads([head.as_bytes(), &bytes].concat());
     }
 
     #[test]
@@ -346,6 +355,12 @@ proptest! {
                 prop_assert!(element.points.iter().flatten().all(|value| value.is_finite()));
             }
             prop_assert!(map.elements.is_sorted_by(|a, b| a.id < b.id));
+            let roads = roads(&text).expect("the same XML is read");
+            for border in roads.lanelets.iter().flat_map(|lanelet| [&lanelet.left, &lanelet.right]) {
+                prop_assert!(border.points.len() >= 2 && !border.ways.is_empty());
+                prop_assert!(border.points.iter().flatten().all(|value| value.is_finite()));
+            }
+            prop_assert!(roads.lanelets.is_sorted_by(|a, b| a.id < b.id));
         }
     }
 

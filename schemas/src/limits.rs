@@ -59,6 +59,8 @@ pub const MAX_TAGS_PER_ELEMENT: usize = 1_000;
 pub const MAX_TAG_BYTES: usize = 64 << 10;
 /// Nodes of one way.
 pub const MAX_POINTS_PER_ELEMENT: usize = 100_000;
+/// Borders of lanelets that one way is a part of.
+pub const MAX_LANELETS_PER_WAY: usize = 64;
 /// Metres of one element along its line.
 pub const MAX_ELEMENT_LENGTH_M: f64 = 100_000.0;
 /// Losses listed by name in a report; beyond that they are only counted.

@@ -17,6 +17,7 @@ use tilefold_schemas::{Element, ElementId, ElementKind, SetAside, SetAsideKind};
 use super::error::MapError;
 use super::osm::{self, Node, Osm, Relation, Thing, Way};
 use super::paint::{self, Paint, tag};
+use super::rough::{rough_length_m, run_alike};
 use super::{MapCounts, MapFile, MapFormat};
 
 pub(super) fn read(source: impl Read, file: &str) -> Result<MapFile, MapError> {
@@ -103,7 +104,7 @@ impl<'a> Gathering<'a> {
         {
             return Ok(None);
         }
-        let ring = between(&self.points(left)?, self.points(right)?);
+        let ring = between(&self.osm.points(left)?, self.osm.points(right)?);
         let element = element(&relation.thing, paint::crosswalk(), ring)?;
         for way in [left, right] {
             if paint::is_crosswalk_border(tag(&way.thing.tags, "type")) {
@@ -142,6 +143,7 @@ impl<'a> Gathering<'a> {
         let made = match &way.thing.wrong {
             Some(wrong) => Err(wrong.clone()),
             None => self
+                .osm
                 .points(way)
                 .and_then(|points| element(&way.thing, paint, points)),
         };
@@ -149,18 +151,6 @@ impl<'a> Gathering<'a> {
             Ok(element) => self.elements.push((element, &way.thing)),
             Err(why) => self.lose(&way.thing, "way", &why),
         }
-    }
-
-    fn points(&self, way: &Way) -> Result<Vec<[f64; 3]>, String> {
-        way.nodes
-            .iter()
-            .map(|id| match self.osm.nodes.get(id) {
-                Some(Node::At(point)) => Ok(*point),
-                Some(Node::Deleted) => Err(format!("its node {id} is deleted")),
-                Some(Node::Wrong(why)) => Err(format!("its {why}")),
-                None => Err(format!("its node {id} is not in the file")),
-            })
-            .collect()
     }
 
     fn lose(&mut self, thing: &Thing, what: &str, why: &str) {
@@ -246,13 +236,8 @@ fn open_ring(mut ring: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
 /// The ring along one border and back along the other, whichever way that one is drawn.
 fn between(left: &[[f64; 3]], mut right: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
     let mut ring = left.to_vec();
-    let ends = (left.first(), left.last(), right.first(), right.last());
-    if let (Some(l0), Some(l1), Some(r0), Some(r1)) = ends {
-        let same_way = rough_distance_m(l0, r0) + rough_distance_m(l1, r1);
-        let against = rough_distance_m(l0, r1) + rough_distance_m(l1, r0);
-        if same_way <= against {
-            right.reverse();
-        }
+    if run_alike(left, &right) {
+        right.reverse();
     }
     ring.append(&mut right);
     ring
@@ -264,19 +249,4 @@ fn distinct(points: &[[f64; 3]]) -> usize {
         .windows(2)
         .filter(|pair| pair[0][..2] != pair[1][..2]);
     steps.count() + usize::from(!points.is_empty())
-}
-
-fn rough_length_m(points: &[[f64; 3]]) -> f64 {
-    points
-        .windows(2)
-        .map(|pair| rough_distance_m(&pair[0], &pair[1]))
-        .sum()
-}
-
-/// On a sphere (haversine); within half a per cent.
-fn rough_distance_m(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let [a, b] = [a, b].map(|point| [point[0].to_radians(), point[1].to_radians()]);
-    let [half_lon, half_lat] = [(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0];
-    let chord2 = half_lat.sin().powi(2) + a[1].cos() * b[1].cos() * half_lon.sin().powi(2);
-    2.0 * 6_371_000.0 * chord2.sqrt().min(1.0).asin()
 }

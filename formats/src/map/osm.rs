@@ -33,6 +33,8 @@ pub(super) struct Osm {
 pub(super) enum Node {
     /// `[longitude_deg, latitude_deg, elevation_m]`.
     At([f64; 3]),
+    /// `[longitude_deg, latitude_deg]` of a node without an elevation.
+    Flat([f64; 2]),
     /// Marked as deleted.
     Deleted,
     /// Not usable, for a reason that says where.
@@ -47,6 +49,25 @@ pub(super) struct Thing {
     pub(super) tags: BTreeMap<String, String>,
     /// The first thing that is wrong with it.
     pub(super) wrong: Option<String>,
+}
+
+impl Osm {
+    /// The vertices of a way, `[longitude_deg, latitude_deg, elevation_m]`; 0 m where no elevation is
+    /// stated.
+    pub(super) fn points(&self, way: &Way) -> Result<Vec<[f64; 3]>, String> {
+        way.nodes
+            .iter()
+            .map(|id| match self.nodes.get(id) {
+                Some(Node::At(point)) => Ok(*point),
+                Some(Node::Flat([longitude_deg, latitude_deg])) => {
+                    Ok([*longitude_deg, *latitude_deg, 0.0])
+                }
+                Some(Node::Deleted) => Err(format!("its node {id} is deleted")),
+                Some(Node::Wrong(why)) => Err(format!("its {why}")),
+                None => Err(format!("its node {id} is not in the file")),
+            })
+            .collect()
+    }
 }
 
 #[derive(Debug)]
@@ -247,7 +268,7 @@ impl<'a> Parser<'a> {
             Some(wrong) => Err(wrong),
         };
         let node = match read {
-            Ok(position) => Node::At(position),
+            Ok(node) => node,
             Err(why) => {
                 let text = format!("node {} ({}): {why}", thing.id, thing.place);
                 Node::Wrong(text.into())
@@ -449,8 +470,7 @@ fn reference(attributes: &Attributes) -> Result<i64, String> {
     })
 }
 
-/// `[longitude_deg, latitude_deg, elevation_m]`.
-fn position(at: &Attributes, tags: &BTreeMap<String, String>) -> Result<[f64; 3], String> {
+fn position(at: &Attributes, tags: &BTreeMap<String, String>) -> Result<Node, String> {
     let text = |key: &str| at.get(key).map_or("", |value| value.trim());
     if text("lat").is_empty() && text("lon").is_empty() && tags.contains_key("local_x") {
         return Err(
@@ -462,12 +482,11 @@ fn position(at: &Attributes, tags: &BTreeMap<String, String>) -> Result<[f64; 3]
     let longitude_deg = coordinate("lon", text("lon"), 180.0)?;
     let latitude_deg = coordinate("lat", text("lat"), 90.0)?;
     let elevation = tags.get("ele").map_or("", |value| value.trim());
-    let elevation_m = if elevation.is_empty() {
-        0.0
-    } else {
-        coordinate("ele", elevation, MAX_ELEVATION_M)?
-    };
-    Ok([longitude_deg, latitude_deg, elevation_m])
+    if elevation.is_empty() {
+        return Ok(Node::Flat([longitude_deg, latitude_deg]));
+    }
+    let elevation_m = coordinate("ele", elevation, MAX_ELEVATION_M)?;
+    Ok(Node::At([longitude_deg, latitude_deg, elevation_m]))
 }
 
 /// No road is higher or deeper than this.

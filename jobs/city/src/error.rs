@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use tilefold_formats::log_write::LogWriteError;
+use tilefold_formats::map::MapError;
 use tilefold_formats::map_write::MapWriteError;
 
 /// Why a city could not be made.
@@ -67,6 +68,33 @@ pub enum CityError {
         /// The least that is possible.
         least: f64,
         /// The most that is possible.
+        most: f64,
+    },
+    /// A map that could not be read.
+    #[error(transparent)]
+    MapRead(#[from] MapError),
+    /// A map in which nobody can drive.
+    #[error(
+        "{path} has no lanes: of its {lanelets} lanelets, cars may drive through none that could be read{hint}; give a Lanelet2 map with lanelets of the subtype `road`"
+    )]
+    NoLanes {
+        /// The file.
+        path: PathBuf,
+        /// Lanelets of any kind.
+        lanelets: u64,
+        /// The first thing that was set aside, if any was.
+        hint: String,
+    },
+    /// A map beyond what is simulated.
+    #[error(
+        "the {what} is {value:.0}, the most is {most:.0}: cut the map, or remove what it has twice"
+    )]
+    MapSize {
+        /// What is too large.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The limit.
         most: f64,
     },
     /// A log that could not be written.

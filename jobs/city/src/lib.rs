@@ -16,6 +16,7 @@ mod edit;
 mod error;
 mod ground;
 mod inertial;
+mod mapped;
 mod mounting;
 mod network;
 pub mod noise;

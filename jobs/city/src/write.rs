@@ -83,7 +83,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
 fn world(spec: &CitySpec) -> Result<World, CityError> {
     match &spec.site {
         Site::Drawn { km } => Ok(network::draw(spec.seed, *km, spec.anchor)),
-        Site::Mapped { map: _ } => todo!(),
+        Site::Mapped { map } => World::from_lanelet2(map),
     }
 }
 
