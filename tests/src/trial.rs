@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
-use tilefold_city::{CityFiles, CitySpec};
+use tilefold_city::{CityFiles, CitySpec, Site};
 use tilefold_engine::{FusionModel, InitOptions, RunReport, Silent, init, run};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting};
@@ -145,11 +145,10 @@ pub fn content_of(map: &Path, logs: &[PathBuf]) -> Content {
 pub fn small_city(into: &Path) -> CityFiles {
     let spec = CitySpec {
         seed: 5,
-        roads: 1,
-        road_length_m: 400.0,
-        changes_per_kind: 1,
+        site: Site::Drawn { km: 1.0 },
         vehicles: 5,
         drives: 7,
+        drive_km: 0.6,
         days: 4,
         ..CitySpec::default()
     };

@@ -122,7 +122,9 @@ impl Course {
 
     /// Metres driven after `seconds`.
     pub(crate) fn station_m(&self, seconds: f64) -> f64 {
-        let after = self.passed_s.partition_point(|&passed_s| passed_s <= seconds);
+        let after = self
+            .passed_s
+            .partition_point(|&passed_s| passed_s <= seconds);
         let before = after.saturating_sub(1);
         if after >= self.steps.len() {
             return (self.steps.len().saturating_sub(1)) as f64 * STEP_M;
@@ -240,7 +242,9 @@ fn limits(steps: &[Step], temper: f64) -> Vec<f64> {
             ),
         };
         let in_curve = (LATERAL_M_S2 / curvature.max(1e-6)).sqrt();
-        (temper * steps[index].speed_m_s).min(in_curve).max(CREEP_M_S)
+        (temper * steps[index].speed_m_s)
+            .min(in_curve)
+            .max(CREEP_M_S)
     };
     (0..steps.len()).map(limit).collect()
 }

@@ -129,15 +129,12 @@ fn joint(from: Place, to: Place) -> [f64; 2] {
         tangent_from[0] + tangent_to[0],
         tangent_from[1] + tangent_to[1],
     ];
-    // |chord - d sum| = 2 d, for the positive d.
+    // |chord - d sum| = 2 d, for the positive d; in the form that does not cancel.
     let along = dot(chord, sum);
     let square = dot(chord, chord);
     let spread = 2.0 * (1.0 - dot(tangent_from, tangent_to));
-    let tangent_m = if spread < 1e-9 {
-        square / (4.0 * dot(chord, tangent_to)).max(1e-9)
-    } else {
-        ((along * along + 2.0 * spread * square).sqrt() - along) / (2.0 * spread)
-    };
+    let root = (along * along + spread * square).sqrt();
+    let tangent_m = square / (along + root).max(1e-9);
     let middle = |axis: usize, start: f64, end: f64| {
         (start + end + tangent_m * (tangent_from[axis] - tangent_to[axis])) / 2.0
     };

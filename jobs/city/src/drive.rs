@@ -238,7 +238,13 @@ impl UnderWay<'_> {
                 space: DetectionSpace::Metres,
                 detections: seen.into_iter().map(|seen| seen.detection).collect(),
             });
-            frames.push(record("/perception/lanes", "base_link", stamp_ns, clock, payload));
+            frames.push(record(
+                "/perception/lanes",
+                "base_link",
+                stamp_ns,
+                clock,
+                payload,
+            ));
         }
         frames
     }

@@ -223,8 +223,11 @@ impl<'a> Editing<'a> {
         for (index, paint) in world.paint.iter().enumerate() {
             kinds.entry(paint.kind).or_default().push(index);
         }
-        let map: BTreeMap<i64, Paint> =
-            world.paint.iter().map(|paint| (paint.id, paint.clone())).collect();
+        let map: BTreeMap<i64, Paint> = world
+            .paint
+            .iter()
+            .map(|paint| (paint.id, paint.clone()))
+            .collect();
         let largest = map.last_key_value().map_or(0, |(id, _)| *id);
         Self {
             world,
@@ -237,7 +240,9 @@ impl<'a> Editing<'a> {
     }
 
     fn finish(self) -> History {
-        self.world.paint.sort_by_key(|paint| (paint.id, paint.since_ns));
+        self.world
+            .paint
+            .sort_by_key(|paint| (paint.id, paint.since_ns));
         let mut changes = self.changes;
         changes.sort_by_key(|change| (change.since_ns, change.paint.id));
         History {

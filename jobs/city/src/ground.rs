@@ -34,9 +34,8 @@ impl<'a> Ground<'a> {
 
     /// Paint that is gone, but of which traces can be seen.
     pub(crate) fn gone(&self, at: [f64; 2], reach_m: f64, time_ns: i64) -> Vec<(usize, &'a Paint)> {
-        let left_traces = |paint: &Paint| {
-            paint.until_ns <= time_ns && time_ns - paint.until_ns < TRACES_NS
-        };
+        let left_traces =
+            |paint: &Paint| paint.until_ns <= time_ns && time_ns - paint.until_ns < TRACES_NS;
         self.paint_where(at, reach_m, left_traces)
     }
 
@@ -87,7 +86,9 @@ impl Grid {
         let mut found = Vec::new();
         for column in west..=east {
             // Cells of one column lie side by side.
-            let from = self.cells.partition_point(|(cell, _)| *cell < [column, south]);
+            let from = self
+                .cells
+                .partition_point(|(cell, _)| *cell < [column, south]);
             let column = self.cells[from..]
                 .iter()
                 .take_while(|(cell, _)| *cell <= [column, north]);
@@ -127,7 +128,11 @@ mod tests {
                 let near = |p: &Point| (p[0] - east_m).hypot(p[1] - north_m) < 30.0;
                 paint.points.iter().any(near)
             };
-            let expected = world.paint.iter().enumerate().filter(|(_, paint)| is_near(paint));
+            let expected = world
+                .paint
+                .iter()
+                .enumerate()
+                .filter(|(_, paint)| is_near(paint));
             for (index, _) in expected {
                 assert!(found.iter().any(|(found, _)| *found == index), "{index}");
             }

@@ -38,7 +38,12 @@ pub(crate) fn draw(seed: u64, km: f64, anchor: [f64; 3]) -> World {
     let mut built = Vec::new();
     for (index, road) in (0..).zip(&plan.roads) {
         lines::paint(road, &mut painter);
-        signs::paint(&plan, road, &mut Random::new(seed, "signs", index), &mut painter);
+        signs::paint(
+            &plan,
+            road,
+            &mut Random::new(seed, "signs", index),
+            &mut painter,
+        );
         kerbs.extend(lines::kerbs(road, &relief));
         let lots = &mut Random::new(seed, "buildings", index);
         built.extend(buildings::along(road, lots, &relief));
@@ -109,7 +114,8 @@ impl Painter<'_> {
 
 /// Points of the plane with the height of the ground.
 fn on_ground(relief: &Relief, points: &[[f64; 2]]) -> Vec<Point> {
-    let lift = |&[east_m, north_m]: &[f64; 2]| [east_m, north_m, relief.height_m([east_m, north_m])];
+    let lift =
+        |&[east_m, north_m]: &[f64; 2]| [east_m, north_m, relief.height_m([east_m, north_m])];
     points.iter().map(lift).collect()
 }
 

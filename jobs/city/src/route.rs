@@ -74,7 +74,11 @@ fn follow(world: &World, lane: usize, random: &mut Random, steps: &mut Vec<Step>
         steps.push(Step {
             point,
             speed_m_s: here.speed_m_s,
-            lane: if over > 0.5 { target.unwrap_or(lane) } else { lane },
+            lane: if over > 0.5 {
+                target.unwrap_or(lane)
+            } else {
+                lane
+            },
             is_mouth: here.is_junction && index == 0,
         });
     }
@@ -90,7 +94,9 @@ fn resampled(lane: &Lane) -> Vec<Point> {
         let length_m = east.hypot(north);
         while left_m < length_m {
             let share = left_m / length_m;
-            path.push([0, 1, 2].map(|axis| pair[0][axis] + share * (pair[1][axis] - pair[0][axis])));
+            path.push(
+                [0, 1, 2].map(|axis| pair[0][axis] + share * (pair[1][axis] - pair[0][axis])),
+            );
             left_m += STEP_M;
         }
         left_m -= length_m;

@@ -43,11 +43,23 @@ pub struct Vehicle {
 #[derive(Debug, Clone, Copy)]
 enum Way {
     /// In the same lane, ahead.
-    Leads { mean_m: f64, rate: f64, phase_rad: f64 },
+    Leads {
+        mean_m: f64,
+        rate: f64,
+        phase_rad: f64,
+    },
     /// In a lane beside ours.
-    Beside { first_m: f64, gain_m_s: f64, lanes: f64 },
+    Beside {
+        first_m: f64,
+        gain_m_s: f64,
+        lanes: f64,
+    },
     /// Towards us.
-    Comes { first_m: f64, speed_m_s: f64, lanes: f64 },
+    Comes {
+        first_m: f64,
+        speed_m_s: f64,
+        lanes: f64,
+    },
 }
 
 /// The vehicles around one drive.
@@ -110,7 +122,12 @@ impl Traffic {
             let own = course.place(station_m);
             (east_m - own.east_m).hypot(north_m - own.north_m) > vehicle.size_m[0] / 2.0 + 1.0
         };
-        self.vehicles.iter().enumerate().map(place).filter(is_on_the_way).collect()
+        self.vehicles
+            .iter()
+            .enumerate()
+            .map(place)
+            .filter(is_on_the_way)
+            .collect()
     }
 }
 
@@ -130,7 +147,11 @@ impl Way {
                 first_m,
                 gain_m_s,
                 lanes,
-            } => (wrapped_m(first_m + gain_m_s * seconds), lanes * LANE_M, false),
+            } => (
+                wrapped_m(first_m + gain_m_s * seconds),
+                lanes * LANE_M,
+                false,
+            ),
             Self::Comes {
                 first_m,
                 speed_m_s,

@@ -56,7 +56,10 @@ fn geometry(world: &World, change: &Change) -> Value {
             json!([rounded(longitude_deg), rounded(latitude_deg)])
         })
         .collect();
-    if matches!(change.paint.kind, ElementKind::LaneMarking | ElementKind::StopLine) {
+    if matches!(
+        change.paint.kind,
+        ElementKind::LaneMarking | ElementKind::StopLine
+    ) {
         return json!({"type": "LineString", "coordinates": coordinates});
     }
     coordinates.extend(coordinates.first().cloned());
@@ -66,7 +69,9 @@ fn geometry(world: &World, change: &Change) -> Value {
 fn date(time_ns: i64) -> String {
     let seconds = time_ns.div_euclid(1_000_000_000);
     let date: Option<DateTime<Utc>> = DateTime::from_timestamp(seconds, 0);
-    date.map_or_else(String::new, |date| date.to_rfc3339_opts(SecondsFormat::Secs, true))
+    date.map_or_else(String::new, |date| {
+        date.to_rfc3339_opts(SecondsFormat::Secs, true)
+    })
 }
 
 fn millimetres(metres: f64) -> f64 {

@@ -70,13 +70,17 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         noise,
         begin_ns: campaign.begin_ns,
     };
-    files.logs.par_iter().enumerate().try_for_each(|(index, path)| {
-        let drive = Drive {
-            city: &city,
-            index: index as u32,
-        };
-        write_log(path, &drive)
-    })?;
+    files
+        .logs
+        .par_iter()
+        .enumerate()
+        .try_for_each(|(index, path)| {
+            let drive = Drive {
+                city: &city,
+                index: index as u32,
+            };
+            write_log(path, &drive)
+        })?;
     Ok(files)
 }
 
@@ -93,12 +97,23 @@ fn write_maps(
     history: &History,
     end_ns: i64,
 ) -> Result<(), CityError> {
-    let after: Vec<&Paint> = world.paint.iter().filter(|paint| paint.is_there(end_ns)).collect();
+    let after: Vec<&Paint> = world
+        .paint
+        .iter()
+        .filter(|paint| paint.is_there(end_ns))
+        .collect();
     let after = numbered(world, &after);
-    let before: Vec<Element> = history.map.iter().map(|paint| world.element(paint)).collect();
+    let before: Vec<Element> = history
+        .map
+        .iter()
+        .map(|paint| world.element(paint))
+        .collect();
     write_map(&files.before_map, &before, "before")?;
     write_map(&files.after_map, &after, "after")?;
-    let lasting = history.changes.iter().filter(|change| truth::is_so(change, end_ns));
+    let lasting = history
+        .changes
+        .iter()
+        .filter(|change| truth::is_so(change, end_ns));
     let text = truth::geojson(world, lasting);
     fs::write(&files.truth, text).map_err(at(&files.truth))?;
     let text = truth::geojson(world, history.changes.iter());

@@ -2,11 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use tilefold_city::{CitySpec, write};
+use tilefold_city::{CitySpec, Site, write};
 use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader, TopicKind};
+use tilefold_schemas::element::ElementKind;
 use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
 
 fn read(path: &Path) -> (LogIndex, Vec<LogMessage>) {
@@ -26,9 +27,8 @@ fn read(path: &Path) -> (LogIndex, Vec<LogMessage>) {
 
 fn spec() -> CitySpec {
     CitySpec {
-        roads: 2,
-        road_length_m: 400.0,
-        changes_per_kind: 1,
+        site: Site::Drawn { km: 2.0 },
+        drive_km: 1.0,
         vehicles: 3,
         drives: 4,
         ..CitySpec::default()
@@ -36,18 +36,19 @@ fn spec() -> CitySpec {
 }
 
 #[test]
-fn logs_name_their_vehicle_and_lie_days_apart() {
+fn logs_name_their_vehicle_and_do_not_overlap() {
     let folder = tempfile::tempdir().unwrap();
     let files = write(&spec(), folder.path()).unwrap();
     let mut vehicles = BTreeSet::new();
-    let mut last_end_ns = spec().first_day_ns;
+    let mut last_end_ns = BTreeMap::new();
     for path in &files.logs {
         let (index, messages) = read(path);
         let vehicle = index
             .metadata
             .iter()
             .find(|record| record.name == "vehicle");
-        vehicles.insert(vehicle.unwrap().entries["vehicle_id"].clone());
+        let vehicle = vehicle.unwrap().entries["vehicle_id"].clone();
+        vehicles.insert(vehicle.clone());
         for kind in [
             TopicKind::Gnss,
             TopicKind::Detections(DetectionSpace::Metres),
@@ -56,11 +57,11 @@ fn logs_name_their_vehicle_and_lie_days_apart() {
         }
         let stamps = messages.iter().map(|message| message.stamp_ns);
         let (first, last) = (stamps.clone().min().unwrap(), stamps.max().unwrap());
+        let before_ns = last_end_ns.insert(vehicle, last).unwrap_or(0);
         assert!(
-            first > last_end_ns,
-            "{path:?} begins before the drive before it ends"
+            first > before_ns,
+            "{path:?} begins before the vehicle's last drive ends"
         );
-        last_end_ns = last;
         assert!(messages.is_sorted_by_key(|message| message.log_time_ns));
         assert!(
             messages
@@ -86,11 +87,16 @@ fn detections_lie_before_the_vehicle_and_some_frames_are_empty() {
             empty += usize::from(frame.detections.is_empty());
             lines += frame.detections.len();
             for detection in &frame.detections {
-                assert!(detection.points.len() >= 3);
+                let least = match detection.kind {
+                    ElementKind::LaneMarking => 3,
+                    ElementKind::StopLine => 2,
+                    ElementKind::Crosswalk | ElementKind::GroundSign => 4,
+                };
+                assert!(detection.points.len() >= least);
                 assert!((0.0..=1.0).contains(&detection.score));
                 for [x_m, y_m, _] in &detection.points {
                     assert!(
-                        (3.9..=13.0).contains(x_m) && y_m.abs() < 7.0,
+                        (2.0..=45.0).contains(x_m) && y_m.abs() < 15.0,
                         "{x_m}, {y_m}"
                     );
                 }
@@ -98,11 +104,11 @@ fn detections_lie_before_the_vehicle_and_some_frames_are_empty() {
         }
     }
     assert!(frames > 4 * 500, "{frames} frames");
-    // Junctions and the street's two ends have no paint.
+    // Junctions have no paint.
     assert!(
-        (frames / 20..frames / 3).contains(&empty),
+        (frames / 50..frames / 2).contains(&empty),
         "{empty} of {frames} empty"
     );
     let per_frame = f64::from(lines as u32) / f64::from((frames - empty) as u32);
-    assert!((2.0..4.0).contains(&per_frame), "{per_frame} lines a frame");
+    assert!((2.0..7.0).contains(&per_frame), "{per_frame} lines a frame");
 }

@@ -20,7 +20,11 @@ pub(crate) fn simulate(args: &Args, wanted: &Simulation) -> Result<Outcome, Box<
         _ => {
             println!("map    {}", files.before_map.display());
             println!("truth  {}", files.truth.display());
-            println!("logs   {} in {}", files.logs.len(), wanted.out.join("logs").display());
+            println!(
+                "logs   {} in {}",
+                files.logs.len(),
+                wanted.out.join("logs").display()
+            );
         }
     }
     Ok(Outcome::Done)

@@ -2,8 +2,8 @@
 
 use tilefold_schemas::element::{ElementKind, SignClass};
 
-use super::phantom::Phantoms;
 use super::Sight;
+use super::phantom::Phantoms;
 use crate::course::Motion;
 use crate::noise::DetectorNoise;
 use crate::traffic::Vehicle;
@@ -27,11 +27,7 @@ pub(super) struct Look<'a> {
 }
 
 impl<'a> Look<'a> {
-    pub(super) fn new(
-        noise: &'a DetectorNoise,
-        motion: &'a Motion,
-        traffic: &[Vehicle],
-    ) -> Self {
+    pub(super) fn new(noise: &'a DetectorNoise, motion: &'a Motion, traffic: &[Vehicle]) -> Self {
         let corners = |vehicle: &Vehicle| {
             let (sin, cos) = vehicle.yaw_rad.sin_cos();
             let [half_length_m, half_width_m] = [vehicle.size_m[0] / 2.0, vehicle.size_m[1] / 2.0];
@@ -82,7 +78,8 @@ impl<'a> Look<'a> {
         let mut sights = Vec::new();
         for &(index, paint) in gone {
             let key = first_key + index;
-            if paint.kind == ElementKind::LaneMarking && phantoms.haunts(key, self.noise.miss.ghost) {
+            if paint.kind == ElementKind::LaneMarking && phantoms.haunts(key, self.noise.miss.ghost)
+            {
                 sights.extend(self.line(&paint.points).map(|points| Sight {
                     element: None,
                     ..sight(key, paint, points)
@@ -94,7 +91,8 @@ impl<'a> Look<'a> {
 
     /// The first stretch of a line that can be seen, if it is long enough.
     pub(super) fn line(&self, points: &[Point]) -> Option<Vec<[f64; 2]>> {
-        self.stretches(points).find(|stretch| stretch.len() >= LEAST_POINTS)
+        self.stretches(points)
+            .find(|stretch| stretch.len() >= LEAST_POINTS)
     }
 
     /// The stretches of a line that can be seen, at even distances.
@@ -132,7 +130,10 @@ impl<'a> Look<'a> {
 
     /// All vertices, if each can be seen.
     fn whole(&self, paint: &Paint) -> Option<Vec<[f64; 2]>> {
-        let seen = paint.points.iter().map(|p| self.motion.place.see([p[0], p[1]]));
+        let seen = paint
+            .points
+            .iter()
+            .map(|p| self.motion.place.see([p[0], p[1]]));
         let seen: Vec<[f64; 2]> = seen.collect();
         let all = seen.iter().all(|&point| self.sees(point));
         all.then_some(seen)
@@ -170,9 +171,7 @@ fn sight(key: usize, paint: &Paint, points: Vec<[f64; 2]>) -> Sight {
 fn hides(corners: &[[f64; 2]; 4], to: [f64; 2]) -> bool {
     let crosses = |a: [f64; 2], b: [f64; 2]| {
         let side = |p: [f64; 2]| to[0] * p[1] - to[1] * p[0];
-        let along = |p: [f64; 2]| {
-            (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-        };
+        let along = |p: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
         side(a) * side(b) < 0.0 && along([0.0, 0.0]) * along(to) < 0.0
     };
     (0..4).any(|corner| crosses(corners[corner], corners[(corner + 1) % 4]))
@@ -231,7 +230,9 @@ fn resampled(points: &[Point], every_m: f64) -> Vec<Point> {
         let length_m = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
         while left_m < length_m {
             let share = left_m / length_m;
-            even.push([0, 1, 2].map(|axis| pair[0][axis] + share * (pair[1][axis] - pair[0][axis])));
+            even.push(
+                [0, 1, 2].map(|axis| pair[0][axis] + share * (pair[1][axis] - pair[0][axis])),
+            );
             left_m += every_m;
         }
         left_m -= length_m;

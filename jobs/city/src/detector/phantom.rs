@@ -112,7 +112,8 @@ impl Phantoms {
         }
         if random.chance(clutter.phantom) {
             let made_up = clutter.phantom_aside_m.iter();
-            lines.extend(made_up.map(|&left_m| straight(noise.view.near_m, MADE_UP_M, left_m, 0.0)));
+            lines
+                .extend(made_up.map(|&left_m| straight(noise.view.near_m, MADE_UP_M, left_m, 0.0)));
         }
         lines.iter().map(|points| false_line(points)).collect()
     }
@@ -120,7 +121,11 @@ impl Phantoms {
 
 /// All that can be taken for a line along a lane: how far along it, and where.
 fn false_lines(lane: &Lane, clutter: &Clutter, random: &mut Random) -> Vec<(f64, Vec<Point>)> {
-    let length_m: f64 = lane.centre.windows(2).map(|pair| step_m(pair[0], pair[1])).sum();
+    let length_m: f64 = lane
+        .centre
+        .windows(2)
+        .map(|pair| step_m(pair[0], pair[1]))
+        .sum();
     // Each pass sees a share of them: there are more of them than a pass sees.
     let per_m = length_m / 1_000.0 / clutter.shared.max(LEAST_SHARED);
     let half_m = lane.width_m / 2.0;
@@ -131,7 +136,10 @@ fn false_lines(lane: &Lane, clutter: &Clutter, random: &mut Random) -> Vec<(f64,
         lines.push(line);
     }
     for _ in 0..random.count(clutter.shadow_per_km * per_m) {
-        let (left_m, turn) = (random.between(-ASIDE_M, ASIDE_M), random.normal(SHADOW_TURN_RAD));
+        let (left_m, turn) = (
+            random.between(-ASIDE_M, ASIDE_M),
+            random.normal(SHADOW_TURN_RAD),
+        );
         lines.push(beside_lane(lane, length_m, clutter, left_m, turn, random));
     }
     for _ in 0..random.count(clutter.beside_per_km * per_m) {

@@ -71,11 +71,14 @@ impl Temper {
         self.frame += 1;
         if self.frame % FORGET_FRAMES == 0 {
             let oldest = self.frame.saturating_sub(FORGET_FRAMES);
-            self.memories.retain(|_, memory| memory.last_frame >= oldest);
+            self.memories
+                .retain(|_, memory| memory.last_frame >= oldest);
         }
         let view = &self.noise.view;
         if self.random.chance(view.blind_per_minute * period_s / 60.0) {
-            self.blind_s = self.random.between(view.blind_seconds[0], view.blind_seconds[1]);
+            self.blind_s = self
+                .random
+                .between(view.blind_seconds[0], view.blind_seconds[1]);
         }
         self.blind_s -= period_s;
         self.blind_s > 0.0
@@ -256,7 +259,11 @@ impl Taken {
             Self::Unknown => unknown,
             Self::AsIs => truth,
             Self::Other(lot) => {
-                let others: Vec<T> = likes.iter().copied().filter(|like| *like != truth).collect();
+                let others: Vec<T> = likes
+                    .iter()
+                    .copied()
+                    .filter(|like| *like != truth)
+                    .collect();
                 let index = (lot * others.len() as f64) as usize;
                 others.get(index).copied().unwrap_or(unknown)
             }

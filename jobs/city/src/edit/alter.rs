@@ -57,7 +57,12 @@ impl Editing<'_> {
         paint.since_ns = since_ns;
         let paint = paint.clone();
         self.map.remove(&paint.id);
-        self.note(ChangeType::Added, Happening::Added, paint, (since_ns, i64::MAX));
+        self.note(
+            ChangeType::Added,
+            Happening::Added,
+            paint,
+            (since_ns, i64::MAX),
+        );
     }
 
     pub(super) fn remove(&mut self, index: usize, happening: Happening, dates: (i64, i64)) {
@@ -105,12 +110,7 @@ impl Editing<'_> {
         self.world.paint.push(paint);
     }
 
-    fn remove_part(
-        &mut self,
-        index: usize,
-        dates: (i64, i64),
-        random: &mut Random,
-    ) -> Option<()> {
+    fn remove_part(&mut self, index: usize, dates: (i64, i64), random: &mut Random) -> Option<()> {
         let paint = self.world.paint[index].clone();
         let length_m = length_m(&paint.points);
         if length_m < LEAST_M {

@@ -31,11 +31,20 @@ fn everything_happens_about_as_often_as_it_should() {
     let (before, _, history) = changed(2, 0.05, 0.0);
     let wanted = 0.05 * before.paint.len() as f64;
     for (happening, share) in SHARES {
-        let count = history.changes.iter().filter(|change| change.happening == happening);
+        let count = history
+            .changes
+            .iter()
+            .filter(|change| change.happening == happening);
         // Lanes change two lines at once.
         let count = count.count() as f64;
-        assert!(count >= (0.4 * share * wanted).floor(), "{happening:?}: {count}");
-        assert!(count <= 2.0 * share * wanted + 2.0, "{happening:?}: {count}");
+        assert!(
+            count >= (0.4 * share * wanted).floor(),
+            "{happening:?}: {count}"
+        );
+        assert!(
+            count <= 2.0 * share * wanted + 2.0,
+            "{happening:?}: {count}"
+        );
     }
 }
 
@@ -57,11 +66,14 @@ fn the_changes_are_the_difference() {
     }
     for (id, mapped) in &map {
         let is_same = road.get(id).is_some_and(|there| {
-            there.len() == 1 && there[0].points == mapped.points
+            there.len() == 1
+                && there[0].points == mapped.points
                 && there[0].marking == mapped.marking
                 && there[0].sign == mapped.sign
         });
-        let said_changed = told.get(id).is_some_and(|told| *told != ChangeType::NoChange);
+        let said_changed = told
+            .get(id)
+            .is_some_and(|told| *told != ChangeType::NoChange);
         assert_eq!(is_same, !said_changed, "{id}: {:?}", told.get(id));
     }
     for id in road.keys().filter(|id| !map.contains_key(id)) {
@@ -72,7 +84,10 @@ fn the_changes_are_the_difference() {
 #[test]
 fn a_construction_site_comes_and_goes() {
     let (before, after, history) = changed(4, 0.06, 0.0);
-    let sites = history.changes.iter().filter(|change| change.happening == Happening::Construction);
+    let sites = history
+        .changes
+        .iter()
+        .filter(|change| change.happening == Happening::Construction);
     let mut count = 0;
     for site in sites {
         count += 1;
@@ -83,7 +98,11 @@ fn a_construction_site_comes_and_goes() {
             assert_eq!(there.len(), 1);
             there[0].points.clone()
         };
-        let as_mapped = before.paint.iter().find(|paint| paint.id == site.paint.id).map(|p| &p.points);
+        let as_mapped = before
+            .paint
+            .iter()
+            .find(|paint| paint.id == site.paint.id)
+            .map(|p| &p.points);
         assert_eq!(Some(&at(site.since_ns - 1)), as_mapped);
         assert_eq!(at(site.since_ns), site.paint.points);
         assert_eq!(at(site.until_ns - 1), site.paint.points);
@@ -96,12 +115,20 @@ fn a_construction_site_comes_and_goes() {
 fn a_shift_is_as_long_as_it_says() {
     let (before, _, history) = changed(5, 0.06, 0.0);
     for change in &history.changes {
-        let Some(shift_m) = change.shift_m else { continue };
-        let old = before.paint.iter().find(|paint| paint.id == change.paint.id);
+        let Some(shift_m) = change.shift_m else {
+            continue;
+        };
+        let old = before
+            .paint
+            .iter()
+            .find(|paint| paint.id == change.paint.id);
         let old = old.map_or(&[][..], |paint| &paint.points);
         for (old, new) in old.iter().zip(&change.paint.points) {
             let moved_m = (new[0] - old[0]).hypot(new[1] - old[1]);
-            assert!((moved_m - shift_m.abs()).abs() < 1e-6, "{moved_m} {shift_m}");
+            assert!(
+                (moved_m - shift_m.abs()).abs() < 1e-6,
+                "{moved_m} {shift_m}"
+            );
         }
     }
 }

@@ -111,15 +111,22 @@ impl Joining<'_> {
         let arms = plan.nodes[node].arms;
         for (arm, end) in arms.iter().enumerate() {
             let Some(end) = end else { continue };
-            let incoming = side_index(if end.is_begin { Heading::Against } else { Heading::Along });
+            let incoming = side_index(if end.is_begin {
+                Heading::Against
+            } else {
+                Heading::Along
+            });
             let lanes = self.mouths[end.road][incoming].last.clone();
             for (lane, &from) in lanes.iter().enumerate() {
                 for turn in turns(&plan.nodes[node], arm, lane, lanes.len()) {
                     let Some(exit) = arms[turn.exit(arm)] else {
                         continue;
                     };
-                    let outgoing =
-                        side_index(if exit.is_begin { Heading::Along } else { Heading::Against });
+                    let outgoing = side_index(if exit.is_begin {
+                        Heading::Along
+                    } else {
+                        Heading::Against
+                    });
                     let targets = &self.mouths[exit.road][outgoing].first;
                     let to = targets[turn.lane(lane, targets.len())];
                     self.connect(from, to);
@@ -185,10 +192,7 @@ fn stretches(road: &Road, heading: Heading) -> Vec<Stretch> {
     );
     match side.taper {
         None => vec![stretch(begin_m, end_m, side.lanes)],
-        Some(Taper::Drop) => vec![
-            stretch(begin_m, far_m, first),
-            stretch(far_m, end_m, last),
-        ],
+        Some(Taper::Drop) => vec![stretch(begin_m, far_m, first), stretch(far_m, end_m, last)],
         Some(Taper::Gain) => vec![
             stretch(begin_m, near_m, first),
             stretch(near_m, end_m, last),

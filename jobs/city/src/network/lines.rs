@@ -94,11 +94,7 @@ fn ways(
     }
 }
 
-fn trace(
-    road: &Road,
-    (from_m, to_m): (f64, f64),
-    offset_m: &dyn Fn(f64) -> f64,
-) -> Vec<[f64; 2]> {
+fn trace(road: &Road, (from_m, to_m): (f64, f64), offset_m: &dyn Fn(f64) -> f64) -> Vec<[f64; 2]> {
     let steps = ((to_m - from_m) / VERTEX_M).ceil().max(1.0) as usize;
     let station = |step: usize| from_m + (to_m - from_m) * step as f64 / steps as f64;
     let point = |step| road.point(station(step), offset_m(station(step)));
@@ -108,9 +104,7 @@ fn trace(
 /// The two borders of a road's surface.
 pub(super) fn kerbs(road: &Road, relief: &Relief) -> [Vec<Point>; 2] {
     Heading::BOTH.map(|heading| {
-        let edge = |station_m| {
-            road.section.edge_m(heading, station_m) + heading.sign() * KERB_M
-        };
+        let edge = |station_m| road.section.edge_m(heading, station_m) + heading.sign() * KERB_M;
         on_ground(relief, &trace(road, (0.0, road.curve.length_m), &edge))
     })
 }

@@ -36,7 +36,14 @@ pub(super) fn paint(plan: &Plan, road: &Road, random: &mut Random, painter: &mut
         }
         if road.section.has_crosswalk[exit] {
             for lane in 0..lanes_at(road, heading, end_m(road, heading)) {
-                sign(road, heading, lane, DIAMOND_AT_M, SignClass::Diamond, painter);
+                sign(
+                    road,
+                    heading,
+                    lane,
+                    DIAMOND_AT_M,
+                    SignClass::Diamond,
+                    painter,
+                );
             }
         }
         greetings(road, heading, random, painter);

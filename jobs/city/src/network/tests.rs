@@ -36,9 +36,12 @@ fn neighbours_lie_a_lane_apart_on_their_side() {
         let Some(left) = lane.left else { continue };
         let neighbour = &world.lanes[left];
         assert_eq!(neighbour.right.map(|right| &world.lanes[right]), Some(lane));
-        let [from, to] = [lane.centre[0], lane.centre[1]];
+        // Where a lane comes or goes, it lies on its neighbour: not so half-way.
+        let middle = lane.centre.len() / 2;
+        let [from, to] = [lane.centre[middle], lane.centre[middle + 1]];
         let [along_e, along_n] = [to[0] - from[0], to[1] - from[1]];
-        let aside = [neighbour.centre[0][0] - from[0], neighbour.centre[0][1] - from[1]];
+        let beside = neighbour.centre[middle];
+        let aside = [beside[0] - from[0], beside[1] - from[1]];
         let left_m = (along_e * aside[1] - along_n * aside[0]) / along_e.hypot(along_n);
         assert!(left_m > 0.0 && left_m < lane.width_m + 0.2, "{left_m}");
     }
@@ -53,7 +56,12 @@ fn all_kinds_of_paint_and_all_signs_appear() {
     // All but `other`; lines have none.
     assert_eq!(signs.len(), SignClass::ALL.len() - 1, "{signs:?}");
     let markings: BTreeSet<_> = world.paint.iter().map(|paint| paint.marking).collect();
-    for marking in [Marking::Solid, Marking::Dashed, Marking::SolidSolid, Marking::SolidDashed] {
+    for marking in [
+        Marking::Solid,
+        Marking::Dashed,
+        Marking::SolidSolid,
+        Marking::SolidDashed,
+    ] {
         assert!(markings.contains(&marking), "{marking}");
     }
 }

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
-use tilefold_city::{CityFiles, CitySpec};
+use tilefold_city::{CityFiles, CitySpec, Site};
 
 /// What the program said, and how it ended.
 #[derive(Debug)]
@@ -66,11 +66,10 @@ impl Town {
         let folder = tempfile::tempdir().unwrap();
         let spec = CitySpec {
             seed: 9,
-            roads: 1,
-            road_length_m: 300.0,
-            changes_per_kind: 1,
+            site: Site::Drawn { km: 1.0 },
             vehicles: 6,
             drives: 6,
+            drive_km: 0.5,
             days: 3,
             ..CitySpec::default()
         };
