@@ -16,6 +16,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+# Fixes are compared by their number; their mean distance in time.
 STEP_S = 0.1
 GAPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
 SHARES = (5, 25, 50, 75, 95)
@@ -25,17 +26,16 @@ RECORDED, SIMULATED, INK = "#d97706", "#2f81c7", "#808080"
 
 
 def read(path):
-    """Errors by drive on a grid of STEP_S: {axis: [drives, times]}, and the times."""
+    """Errors by drive as they are: {axis: [drives, fixes]}, and the times of the fixes."""
     with open(path) as file:
         rows = list(csv.DictReader(file))
     drives = np.array([int(row.get("drive", 0)) for row in rows])
     times = np.array([float(row["t_s"]) for row in rows])
-    grid = np.arange(0, times.max(), STEP_S)
     errors = {}
     for axis in AXES:
         values = np.array([float(row[f"{axis}_error_m"]) for row in rows])
-        errors[axis] = np.array([np.interp(grid, times[drives == d], values[drives == d]) for d in np.unique(drives)])
-    return grid, errors
+        errors[axis] = np.array([values[drives == d] for d in np.unique(drives)])
+    return times[drives == drives[0]], errors
 
 
 def correlation(errors, gap_s):
@@ -77,14 +77,14 @@ def table(recorded, simulated):
     print(f"\n{sum(inside)} of {len(inside)} recorded figures lie inside the simulated 90 %.")
 
 
-def draw(grid, recorded, simulated, path):
-    gaps = np.round(np.geomspace(0.1, 20, 40) / STEP_S) * STEP_S
+def draw(times, recorded, simulated, path):
+    gaps = np.unique(np.round(np.geomspace(0.1, 20, 40) / STEP_S)) * STEP_S
     figure, rows = plt.subplots(2, 3, figsize=(13, 7))
     for axes, axis in zip(rows, AXES):
         one, many = recorded[axis], simulated[axis]
         for index, drive in enumerate(many[:8]):
-            axes[0].plot(grid, drive - drive.mean(), color=SIMULATED, lw=0.7, alpha=0.45, label="simulated" if index == 0 else None)
-        axes[0].plot(grid, one[0] - one[0].mean(), color=RECORDED, lw=1.3, label="recorded")
+            axes[0].plot(times, drive - drive.mean(), color=SIMULATED, lw=0.7, alpha=0.45, label="simulated" if index == 0 else None)
+        axes[0].plot(times, one[0] - one[0].mean(), color=RECORDED, lw=1.3, label="recorded")
         low, high = axes[0].get_ylim()
         axes[0].set_ylim(low, high + 0.25 * (high - low))
         axes[0].set(title=f"{axis} error about its mean, m (8 drives)", xlabel="seconds")
@@ -116,9 +116,9 @@ def main():
     parser.add_argument("simulated")
     parser.add_argument("out")
     args = parser.parse_args()
-    grid, recorded = read(args.recorded)
+    times, recorded = read(args.recorded)
     _, simulated = read(args.simulated)
-    draw(grid, recorded, simulated, args.out)
+    draw(times, recorded, simulated, args.out)
     table(recorded, simulated)
 
 
