@@ -2,11 +2,10 @@
 
     python detections.py LOGS MAP.osm OUT.json [--lag MEAN SIGMA] [--offset-sigma M] [--limit N]
     python detections.py --receiver ERRORS.csv OUT.json
-    python detections.py --table REAL.json [SIMULATED.json ...]
 
 LOGS is a folder of MCAP files. The first form works on any drives and map, real or simulated; the second measures the
-positions alone, of what the example `receiver_error` of tilefold-city wrote; the third prints a table (Markdown) with a
-column for each file. The map must be right: what is not in it counts as clutter.
+positions alone, of what the example `receiver_error` of tilefold-city wrote. `noise_table.py` makes a table of the results.
+The map must be right: what is not in it counts as clutter.
 """
 
 import argparse
@@ -347,47 +346,14 @@ def summary(raw_positions, raw, placements):
     }
 
 
-# ---- the table
-
-
-def flat(value, path=()):
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from flat(inner, (*path, key))
-    else:
-        yield path, value
-
-
-def written(value):
-    if isinstance(value, list):
-        return ", ".join(f"{v:.3g}" for v in value)
-    if value is None:
-        return "-"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def table(paths):
-    columns = []
-    for path in paths:
-        with open(path) as file:
-            columns.append(dict(flat(json.load(file))))
-    print("| " + " | ".join(["figure", *paths]) + " |\n|" + " --- |" * (len(paths) + 1))
-    for key in columns[0]:
-        name = ": ".join(part.replace("_", " ") for part in key)
-        print("| " + " | ".join([name, *(written(column.get(key)) for column in columns)]) + " |")
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="+")
-    parser.add_argument("--table", action="store_true", help="print results as a table")
     parser.add_argument("--receiver", action="store_true", help="positions alone, of a CSV of errors")
     parser.add_argument("--lag", nargs=2, type=float, default=(0.0, 0.2), help="clock offset expected, s")
     parser.add_argument("--offset-sigma", type=float, default=1.5, help="lateral error of positions expected, m")
     parser.add_argument("--limit", type=int, help="read only so many drives")
     args = parser.parse_args()
-    if args.table:
-        return table(args.files)
     if args.receiver:
         errors, out = args.files
         measured = receiver_alone(errors)
