@@ -57,6 +57,7 @@ def receiver_alone(path):
         at = smooth(t, fix)
         moved = np.hypot(*np.gradient(at, t, axis=0).T)
         position_noise(Track(t, fix, at, 0 * t, moved, moved > 0, 0.0), raw)
+    raw["yaw_biases"].clear()  # It has no heading.
     return {"positions": positions(raw)}
 
 
