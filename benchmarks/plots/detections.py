@@ -1,24 +1,26 @@
 """Measures how drives err: positions against their smoothed path, lane lines against a map.
 
     python detections.py LOGS MAP.osm OUT.json [--lag MEAN SIGMA] [--offset-sigma M] [--limit N]
-    python detections.py --table REAL.json [SIMULATED.json ...]
+    python detections.py --receiver ERRORS.csv OUT.json
 
-LOGS is a folder of MCAP files. The first form works on any drives and map, real or simulated; the second prints a table
-(Markdown) with a column for each file. The map must be right: what is not in it counts as clutter.
+LOGS is a folder of MCAP files. The first form works on any drives and map, real or simulated; the second measures the
+positions alone, of what the example `receiver_error` of tilefold-city wrote. `noise_table.py` makes a table of the results.
+The map must be right: what is not in it counts as clutter.
 """
 
 import argparse
 import json
+import math
 
 import numpy as np
 from drives import read_drives, read_map
-from registration import AHEAD_M, LEAST_SPEED_M_S, Map, fit, register, track
+from registration import AHEAD_M, LEAST_SPEED_M_S, Map, Track, fit, register, smooth, track
 
 SIDE_M, SURE, GATE_M, PARALLEL = 6.2, 0.8, 0.8, 0.2
 CLASSES_M = ((0.0, 2.2), (2.2, 3.2), (3.2, 4.5), (4.5, 6.2))
 AFTER_S = (0.2, 1.0, 3.0)
 RANGES_M = np.arange(2.5, 20.5, 1.0)
-STALL_S, JUMP_M = 0.1, 0.5
+STALL_S, JUMP_M, LAG_STEP_S = 0.1, 0.5, 0.5
 
 
 def spread(values):
@@ -37,6 +39,26 @@ def runs(mask):
 
 
 # ---- positions
+
+
+def no_positions():
+    raw = {"moving_s": 0.0, "km": 0.0, "repeated": 0}
+    lists = ("periods_s", "yaw_biases", "delays_s", "sides_m", "delay_pairs", "stalls", "jumps")
+    return raw | {name: [] for name in lists}
+
+
+def receiver_alone(path):
+    """Position noise of drives along a straight road, of which a CSV gives errors and speeds."""
+    rows, raw = np.genfromtxt(path, delimiter=",", skip_header=1), no_positions()
+    for number in np.unique(rows[:, 0]):
+        _, t, lateral, longitudinal, speed = rows[rows[:, 0] == number].T
+        along = np.concatenate([[0], np.cumsum(np.diff(t) * speed[1:])])
+        fix = np.stack([along + longitudinal, lateral], axis=1)
+        at = smooth(t, fix)
+        moved = np.hypot(*np.gradient(at, t, axis=0).T)
+        position_noise(Track(t, fix, at, 0 * t, moved, moved > 0, 0.0), raw)
+    raw["yaw_biases"].clear()  # It has no heading.
+    return {"positions": positions(raw)}
 
 
 def position_noise(motion, into):
@@ -285,11 +307,10 @@ def offset_noise(looks):
 def measure(args):
     plane, lines = read_map(args.map)
     lane_map, mean_sigma = Map(lines), args.lag
-    reach = min(6.5, max(0.5, 3.5 * mean_sigma[1]))
-    grid = mean_sigma[0] + np.arange(-reach, reach + 1e-9, 0.5)
-    raw_positions = {"moving_s": 0.0, "km": 0.0, "repeated": 0}
-    lists = ("periods_s", "yaw_biases", "delays_s", "sides_m", "delay_pairs", "stalls", "jumps")
-    raw_positions.update({name: [] for name in lists})
+    step = min(LAG_STEP_S, mean_sigma[1])
+    reach = math.ceil(3.5 * mean_sigma[1] / step)
+    grid = mean_sigma[0] + step * np.arange(-reach, reach + 1)
+    raw_positions = no_positions()
     raw = dict(looks=[], lines=[], clutter=[], km=0.0)
     placements = []
     for number, drive in enumerate(read_drives(args.logs, args.limit)):
@@ -326,49 +347,22 @@ def summary(raw_positions, raw, placements):
     }
 
 
-# ---- the table
-
-
-def flat(value, path=()):
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from flat(inner, (*path, key))
-    else:
-        yield path, value
-
-
-def written(value):
-    if isinstance(value, list):
-        return ", ".join(f"{v:.3g}" for v in value)
-    if value is None:
-        return "-"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def table(paths):
-    columns = []
-    for path in paths:
-        with open(path) as file:
-            columns.append(dict(flat(json.load(file))))
-    print("| " + " | ".join(["figure", *paths]) + " |\n|" + " --- |" * (len(paths) + 1))
-    for key in columns[0]:
-        name = ": ".join(part.replace("_", " ") for part in key)
-        print("| " + " | ".join([name, *(written(column.get(key)) for column in columns)]) + " |")
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="+")
-    parser.add_argument("--table", action="store_true", help="print results as a table")
+    parser.add_argument("--receiver", action="store_true", help="positions alone, of a CSV of errors")
     parser.add_argument("--lag", nargs=2, type=float, default=(0.0, 0.2), help="clock offset expected, s")
     parser.add_argument("--offset-sigma", type=float, default=1.5, help="lateral error of positions expected, m")
     parser.add_argument("--limit", type=int, help="read only so many drives")
     args = parser.parse_args()
-    if args.table:
-        return table(args.files)
-    args.logs, args.map, out = args.files
+    if args.receiver:
+        errors, out = args.files
+        measured = receiver_alone(errors)
+    else:
+        args.logs, args.map, out = args.files
+        measured = measure(args)
     with open(out, "w") as file:
-        json.dump(measure(args), file, indent=1)
+        json.dump(measured, file, indent=1)
         file.write("\n")
 
 
