@@ -1,45 +1,81 @@
 //! The `calibrated` fusion model: likelihood ratios of a detection model (method.md, section 9).
 //!
 //! A section is in one of a few states: in its place (within a small tolerance), gone, or shifted
-//! by one of a grid of offsets. Every pass gives each state a log-likelihood: whether the line was
-//! matched as often as its visibility lets expect, and where its match lay. A pass counts once,
-//! however many frames it has, and its influence is bounded. Log-likelihoods are quantised once a
-//! pass and summed as integers.
+//! by one of a grid of offsets. Every pass gives each state a log-likelihood: how often the line was
+//! matched, and where its match lay. Frames of a pass are alike: the share of them that match is
+//! drawn anew for each pass, so that the number of matches is Beta-binomial, and a pass counts once,
+//! however many frames it has. Its influence is bounded. Log-likelihoods are quantised once a pass
+//! and summed as integers.
 
 use tilefold_schemas::fixed;
 
 use crate::passes::Pass;
+use crate::sensor::{SensorModel, beta_binomial};
 
-/// P(match | present, fully visible, exposed), in which lines differ from each other: fresh paint
-/// on a quiet lane, and worn paint behind a crash barrier. Which of these levels a line has is
-/// unknown, the same for all passes, and summed over with this prior; so a line that is always
-/// hard to see is not taken for one that is gone.
-pub const DETECTION: [(f64, f64); 3] = [(0.85, 0.5), (0.6, 0.3), (0.35, 0.2)];
-/// P(match | absent).
-pub const FALSE_MATCH: f64 = 0.06;
-/// Correlation of frames within a pass: n frames are worth n / (1 + (n - 1) rho).
-pub const FRAME_CORRELATION: f64 = 0.4;
+/// How well a line can be seen, as shares of the sensor model's rate of matches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Level {
+    /// From its own lane.
+    pub near: f64,
+    /// From other lanes; 0: it is matched no more often than if it were not there.
+    pub aside: f64,
+    /// Share of the lines that are so.
+    pub prior: f64,
+}
+
+/// Lines differ in how well they can be seen: fresh paint, worn paint, and paint behind a barrier
+/// or in the gutter, which nobody sees but from beside it. Which one a line is, is unknown, the same
+/// for all passes, and summed over; so a line that is always hard to see is not taken for one that
+/// is gone.
+pub const LEVELS: [Level; 3] = [
+    Level {
+        near: 1.0,
+        aside: 1.0,
+        prior: 0.72,
+    },
+    Level {
+        near: 0.6,
+        aside: 0.6,
+        prior: 0.2,
+    },
+    Level {
+        near: 0.8,
+        aside: 0.0,
+        prior: 0.08,
+    },
+];
+/// Below this visibility a pass looked from another lane.
+const ASIDE_VISIBILITY: f64 = 0.5;
+/// Frames that a pass is worth at most: more of them see the same.
+const MOST_FRAMES: f64 = 12.0;
 /// Share of every pass likelihood that is the mean over states: a pass moves at most about
 /// ln(states / eta) nats.
 pub const CONTAMINATION: f64 = 0.05;
-/// Standard deviation of a pass's mean residual about the truth: registration, map and vehicle
-/// together, in metres.
-pub const PASS_SIGMA_M: f64 = 0.3;
+/// Matched frames from which the residual counts as a whole measurement.
+const FULL_RESIDUAL_HITS: f64 = 2.5;
 /// A false match lies anywhere within the matching gate: its density per metre.
 const FALSE_MATCH_DENSITY: f64 = 1.0 / 3.2;
 /// Square root of the full circle: of the height of a normal density.
 const SQRT_TAU: f64 = 2.506_628_274_631_000_5;
 /// Offsets that still are "in its place", with their prior.
-const TOLERANCE: [(f64, f64); 5] = [(-0.2, 0.1), (-0.1, 0.2), (0.0, 0.4), (0.1, 0.2), (0.2, 0.1)];
+const TOLERANCE: [(f64, f64); 7] = [
+    (-0.3, 0.04),
+    (-0.2, 0.1),
+    (-0.1, 0.2),
+    (0.0, 0.32),
+    (0.1, 0.2),
+    (0.2, 0.1),
+    (0.3, 0.04),
+];
 /// Shifts are considered from here...
-const SHIFT_FROM_M: f64 = 0.5;
+const SHIFT_FROM_M: f64 = 0.4;
 /// ... in steps of this ...
 const SHIFT_STEP_M: f64 = 0.1;
 /// ... this many to either side.
-const SHIFTS: usize = 12;
+const SHIFTS: usize = 13;
 
 /// Number of states.
-pub const STATES: usize = 1 + DETECTION.len() * (TOLERANCE.len() + 2 * SHIFTS);
+pub const STATES: usize = 1 + LEVELS.len() * (TOLERANCE.len() + 2 * SHIFTS);
 
 /// What a state claims.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,8 +99,8 @@ pub enum Claim {
 pub struct State {
     /// What it claims.
     pub claim: Claim,
-    /// P(match) at full visibility.
-    pub detection: f64,
+    /// Which of [`LEVELS`]; none for what is not there.
+    pub level: Option<usize>,
     /// Share of the prior within its claim.
     pub share: f64,
 }
@@ -74,7 +110,7 @@ pub struct State {
 pub fn states() -> Vec<State> {
     let removed = State {
         claim: Claim::Removed,
-        detection: FALSE_MATCH,
+        level: None,
         share: 1.0,
     };
     let in_place = TOLERANCE.map(|(offset_m, share)| (Claim::InPlace { offset_m }, share));
@@ -84,53 +120,70 @@ pub fn states() -> Vec<State> {
         (Claim::Shifted { offset_m }, 1.0 / (2 * SHIFTS) as f64)
     });
     let present: Vec<(Claim, f64)> = in_place.into_iter().chain(shifted).collect();
-    let levels = DETECTION.iter().flat_map(|&(detection, level)| {
+    let levels = (0..LEVELS.len()).flat_map(|level| {
         present.iter().map(move |&(claim, share)| State {
             claim,
-            detection,
-            share: share * level,
+            level: Some(level),
+            share: share * LEVELS[level].prior,
         })
     });
     std::iter::once(removed).chain(levels).collect()
 }
 
-/// Log-likelihood of every state, summed over passes, fixed point.
+/// Log-likelihood of every state, summed over passes with their worths, fixed point.
 #[must_use]
-pub fn log_likelihoods(passes: &[Pass], states: &[State]) -> Vec<i64> {
+pub fn log_likelihoods(
+    passes: &[Pass],
+    worths: &[f64],
+    states: &[State],
+    sensor: &SensorModel,
+) -> Vec<i64> {
     let mut sums = vec![0_i64; states.len()];
-    for pass in passes {
-        let bounded = bounded(&pass_log_likelihoods(pass, states), states);
+    for (pass, worth) in passes.iter().zip(worths) {
+        let bounded = bounded(&pass_log_likelihoods(pass, states, sensor), states);
         for (sum, nats) in sums.iter_mut().zip(bounded) {
-            *sum += fixed::from_f64(nats);
+            *sum += fixed::from_f64(worth * nats);
         }
     }
     sums
 }
 
-fn pass_log_likelihoods(pass: &Pass, states: &[State]) -> Vec<f64> {
+fn pass_log_likelihoods(pass: &Pass, states: &[State], sensor: &SensorModel) -> Vec<f64> {
     let frames = pass.exposed.max(1) as f64;
-    let hits = (pass.hit as f64).min(frames);
-    let worth = 1.0 / (1.0 + (frames - 1.0) * FRAME_CORRELATION);
+    let share = (pass.hit as f64).min(frames) / frames;
+    let worth = frames.min(MOST_FRAMES);
+    let (hits, misses) = (worth * share, worth * (1.0 - share));
     let visibility = pass.visibility().clamp(0.0, 1.0);
-    let matched = |detection: f64| {
-        let p = visibility * detection + (1.0 - visibility) * FALSE_MATCH;
-        worth * (hits * libm::log(p) + (frames - hits) * libm::log(1.0 - p))
-    };
-    // The residual counts as one measurement, or less if there are fewer effective hits; what is
-    // seen from the side is placed worse.
-    let sigma_m = PASS_SIGMA_M * (2.0 - visibility);
-    let residual = pass.residual_m().map(|r| (r, (worth * hits).min(1.0)));
+    let absent = beta_binomial(hits, misses, sensor.absent, sensor.absent_concentration);
+    let rate = sensor.present_at(visibility);
+    let present = LEVELS.map(|level| {
+        let share = match visibility < ASIDE_VISIBILITY {
+            true => level.aside,
+            false => level.near,
+        };
+        match share > 0.0 {
+            true => beta_binomial(hits, misses, share * rate, sensor.present_concentration),
+            false => absent,
+        }
+    });
+    // The residual counts as one measurement, or less if there are few hits; what is seen from the
+    // side is placed worse. A false match lies anywhere.
+    let sigma_m = sensor.pass_sigma_m * (2.0 - visibility);
+    let whole = (hits / FULL_RESIDUAL_HITS).min(1.0);
+    let residual = pass.residual_m().map(|residual_m| (residual_m, whole));
     let off = |offset_m: f64| {
         residual.map_or(0.0, |(residual_m, weight)| {
             let z = (residual_m - offset_m) / sigma_m;
-            weight * (-0.5 * z * z - libm::log(sigma_m * SQRT_TAU))
+            let near = libm::exp(-0.5 * z * z) / (sigma_m * SQRT_TAU);
+            let stray = sensor.residual_outliers;
+            weight * libm::log((1.0 - stray) * near + stray * FALSE_MATCH_DENSITY)
         })
     };
     let anywhere = residual.map_or(0.0, |(_, weight)| weight * libm::log(FALSE_MATCH_DENSITY));
     let of_state = |state: &State| match state.claim {
-        Claim::Removed => matched(state.detection) + anywhere,
+        Claim::Removed => absent + anywhere,
         Claim::InPlace { offset_m } | Claim::Shifted { offset_m } => {
-            matched(state.detection) + off(offset_m)
+            state.level.map_or(absent, |level| present[level]) + off(offset_m)
         }
     };
     states.iter().map(of_state).collect()

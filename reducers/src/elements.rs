@@ -9,17 +9,19 @@ use tilefold_tiler::station::{Polyline, section_count, section_range};
 
 use crate::calibrated::{self, Claim, State};
 use crate::chain;
+use crate::markings;
 use crate::paper;
 use crate::passes::{Pass, passes};
 use crate::reduce_tile::FusionModel;
+use crate::sensor::SensorModel;
+use crate::traverse;
 
 /// Section length in metres, as the map stage counts sections.
 pub const SECTION_M: f64 = 10.0;
-/// Neighbouring sections of a pass share its registration error, which lasts this far, in metres:
-/// the evidence of one section is worth this much less.
-const CORRELATION_LENGTH_M: f64 = 30.0;
 /// Prior of removed and of modified: half of 2 % churn each.
 const PRIOR_CHANGE: [f64; 2] = [0.01, 0.01];
+/// Affinity of sections that differ in how well they can be seen, relative to those that do not.
+const OTHER_LEVEL: f64 = 0.1;
 /// A verdict takes at least this many vehicles...
 const MIN_VEHICLES: usize = 2;
 /// ... each with at least this much visibility, in fully visible frames.
@@ -29,10 +31,10 @@ const MIN_POSTERIOR: f64 = 0.5;
 
 /// Posterior of one section: no change, added, removed, modified; and the mean shift.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Judged {
-    posterior: [f64; 4],
-    shift_m: f64,
-    shift_sigma_m: f64,
+pub(crate) struct Judged {
+    pub(crate) posterior: [f64; 4],
+    pub(crate) shift_m: f64,
+    pub(crate) shift_sigma_m: f64,
 }
 
 /// Change records of one element: one if it is of one piece, else one per changed stretch.
@@ -55,7 +57,12 @@ pub fn judge(
     let sections = by_section(rows, mapped, count);
     let judged = match model {
         FusionModel::Paper => sections.iter().map(judge_paper).collect(),
-        FusionModel::Calibrated => judge_calibrated(&sections),
+        FusionModel::Calibrated => {
+            let sensor = SensorModel::default();
+            let mut judged = judge_calibrated(&sections, &sensor);
+            markings::retype(mapped.element.marking, &sections, &sensor, &mut judged);
+            judged
+        }
     };
     stretches(&judged, &sections)
         .into_iter()
@@ -90,7 +97,7 @@ fn judge_paper(section: &Vec<Pass>) -> Judged {
     }
 }
 
-fn judge_calibrated(sections: &[Vec<Pass>]) -> Vec<Judged> {
+fn judge_calibrated(sections: &[Vec<Pass>], sensor: &SensorModel) -> Vec<Judged> {
     let states = calibrated::states();
     let [removed, shifted] = PRIOR_CHANGE;
     let prior: Vec<f64> = states
@@ -101,12 +108,13 @@ fn judge_calibrated(sections: &[Vec<Pass>]) -> Vec<Judged> {
             Claim::Shifted { .. } => state.share * shifted,
         })
         .collect();
-    let worth = SECTION_M / CORRELATION_LENGTH_M;
+    let worths = traverse::worths(sections);
     let logs: Vec<Vec<f64>> = sections
         .iter()
-        .map(|passes| {
-            let sums = calibrated::log_likelihoods(passes, &states).into_iter();
-            sums.map(|fx| worth * fixed::to_f64(fx)).collect()
+        .zip(&worths)
+        .map(|(passes, worths)| {
+            let sums = calibrated::log_likelihoods(passes, worths, &states, sensor);
+            sums.into_iter().map(fixed::to_f64).collect()
         })
         .collect();
     let posterior = chain::posterior(&logs, &prior, &kin(&states));
@@ -126,7 +134,7 @@ fn kin(states: &[State]) -> Vec<Vec<f64>> {
         (Claim::Removed, Claim::Removed) => 1.0,
         (Claim::InPlace { offset_m: p }, Claim::InPlace { offset_m: q })
         | (Claim::Shifted { offset_m: p }, Claim::Shifted { offset_m: q }) => {
-            near(p, q, 0.1) * near(a.detection, b.detection, 0.15)
+            near(p, q, 0.1) * if a.level == b.level { 1.0 } else { OTHER_LEVEL }
         }
         _ => 0.0,
     };
@@ -252,7 +260,7 @@ fn mean_residual(sections: &[Vec<Pass>]) -> Option<(f64, f64)> {
     let count = residuals.len() as f64;
     (!residuals.is_empty()).then(|| {
         let mean = residuals.iter().sum::<f64>() / count;
-        (mean, calibrated::PASS_SIGMA_M / count.sqrt())
+        (mean, SensorModel::default().pass_sigma_m / count.sqrt())
     })
 }
 

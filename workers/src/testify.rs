@@ -8,7 +8,7 @@ use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
 use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::station::section_of;
 
-use crate::cuts::{CrossCut, CutLine};
+use crate::cuts::{CrossCut, Cut, CutLine};
 use crate::local_map::{LocalLine, LocalMap};
 use crate::look::Look;
 use crate::matching::{IN_PLACE_M, Match, Matches};
@@ -83,8 +83,13 @@ impl<'a> Ledger<'a> {
             if visibility < MIN_VISIBILITY {
                 continue;
             }
+            let Some(spot) = self.spot(mapped) else {
+                continue;
+            };
             let matched = frame.matches.pairs.iter().find(|pair| pair.mapped == index);
-            let row = self.row(mapped);
+            // A line that was seen farther on, or nearer by, says nothing of this section.
+            let matched = matched.filter(|pair| spot.is_on(&frame.cross_cut.seen[pair.seen]));
+            let row = self.row(mapped, &spot);
             expose(row.row, frame.look.pose.stamp_ns, visibility);
             paper_sums(row.row, visibility, matched);
             match matched {
@@ -100,20 +105,51 @@ impl<'a> Ledger<'a> {
         self.rows.into_values().collect()
     }
 
-    fn row(&mut self, mapped: &CutLine) -> Row<'_> {
+    /// Where a map line crosses the middle of the zone, and the section there.
+    fn spot(&self, mapped: &CutLine) -> Option<Spot> {
+        let length_m = self.map.lines[mapped.line].mapped.length_m;
+        let section_of = |station_m| section_of(station_m, length_m, SECTION_M);
+        let cuts: Vec<&Cut> = self.zone.cuts(mapped).collect();
+        let station_m = cuts.get(cuts.len() / 2)?.station_m;
+        let section = section_of(station_m);
+        let within = cuts
+            .iter()
+            .filter(|cut| section_of(cut.station_m) == section);
+        Some(Spot {
+            section,
+            station_m,
+            ranges: within.map(|cut| cut.range).collect(),
+        })
+    }
+
+    fn row(&mut self, mapped: &CutLine, spot: &Spot) -> Row<'_> {
         let local = &self.map.lines[mapped.line];
-        let station_m = mapped.cuts[mapped.cuts.len() / 2].station_m;
-        let section = section_of(station_m, local.mapped.length_m, SECTION_M);
         let chunk = self.chunk;
         let row = self
             .rows
-            .entry((mapped.line, section))
-            .or_insert_with(|| empty_row(chunk, local, section));
+            .entry((mapped.line, spot.section))
+            .or_insert_with(|| empty_row(chunk, local, spot.section));
         Row {
             row,
             local,
-            station_m,
+            station_m: spot.station_m,
         }
+    }
+}
+
+/// What a frame looks at on a map line.
+struct Spot {
+    section: u32,
+    station_m: f64,
+    /// Ranges at which the line crosses the section.
+    ranges: Vec<usize>,
+}
+
+impl Spot {
+    /// Whether a seen line passes over the section.
+    fn is_on(&self, seen: &CutLine) -> bool {
+        let passes = |cut: &Cut| self.ranges.contains(&cut.range);
+        seen.cuts.iter().any(passes)
     }
 }
 

@@ -1,6 +1,6 @@
 //! How well a map line could be seen in a frame (method.md, section 6).
 
-use crate::cuts::{CutLine, RANGES_M};
+use crate::cuts::{Cut, CutLine, RANGES_M};
 use crate::look::Look;
 
 /// Lateral noise of a line under the vehicle, in metres, and its growth to the side.
@@ -46,8 +46,12 @@ impl Zone {
     /// Share of the zone's ranges that a line crosses: V_geo.
     #[must_use]
     pub fn share(&self, line: &CutLine) -> f64 {
-        let crossed = line.cuts.iter().filter(|cut| self.is_seen[cut.range]);
-        crossed.count() as f64 / self.size.max(1) as f64
+        self.cuts(line).count() as f64 / self.size.max(1) as f64
+    }
+
+    /// The cuts of a line within the zone.
+    pub fn cuts<'a>(&'a self, line: &'a CutLine) -> impl Iterator<Item = &'a Cut> {
+        line.cuts.iter().filter(|cut| self.is_seen[cut.range])
     }
 }
 

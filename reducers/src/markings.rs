@@ -1,0 +1,127 @@
+//! What kind of line it is: the map's marking against what passes read.
+//!
+//! A pass reads a line many times, and its misreadings repeat themselves: it has one vote, for the
+//! marking that it read most often. A line that was repainted is in its place and read as another.
+
+use std::collections::BTreeMap;
+
+use tilefold_schemas::evidence::CLASS_BINS;
+use tilefold_schemas::{Marking, fixed};
+
+use crate::elements::Judged;
+use crate::passes::Pass;
+use crate::sensor::SensorModel;
+
+/// Prior that a line was repainted as another kind of line.
+const PRIOR_RETYPED: f64 = 0.005;
+/// A pass votes if it read the marking in at least so many frames.
+const LEAST_READINGS: i64 = 4;
+/// The markings that a line can have become. A line that is dashed on one side is read by the two
+/// directions of traffic as each other's mirror: these are one kind.
+const KINDS: [Marking; 5] = [
+    Marking::Solid,
+    Marking::Dashed,
+    Marking::SolidSolid,
+    Marking::SolidDashed,
+    Marking::DashedDashed,
+];
+
+/// Moves the share of "no change" that is due to another marking to "modified".
+pub(crate) fn retype(
+    mapped: Marking,
+    sections: &[Vec<Pass>],
+    sensor: &SensorModel,
+    judged: &mut [Judged],
+) {
+    let Some(p_retyped) = p_retyped(mapped, &votes(sections), sensor) else {
+        return;
+    };
+    for section in judged {
+        let moved = section.posterior[0] * p_retyped;
+        let modified = section.posterior[3] + moved;
+        section.posterior[0] -= moved;
+        // What is only repainted is not shifted.
+        let shifted = section.posterior[3] / modified.max(f64::MIN_POSITIVE);
+        section.posterior[3] = modified;
+        section.shift_m *= shifted;
+    }
+}
+
+/// Votes by marking: each vehicle's traverse has one, over all sections.
+fn votes(sections: &[Vec<Pass>]) -> BTreeMap<i16, i64> {
+    let mut traverses: BTreeMap<(i64, i64), [i64; CLASS_BINS]> = BTreeMap::new();
+    for pass in sections.iter().flatten() {
+        // Sections of one traverse are seconds apart; those of two are minutes.
+        let traverse = (pass.vehicle, pass.first_ns.div_euclid(60_000_000_000));
+        let counts = traverses.entry(traverse).or_default();
+        for (sum, seen) in counts.iter_mut().zip(pass.seen) {
+            *sum += i64::from(seen);
+        }
+    }
+    let mut votes = BTreeMap::new();
+    for counts in traverses.values() {
+        let read = |kind: Marking| counts[kind.code() as usize];
+        let of = |kind: &Marking| match kind {
+            Marking::SolidDashed => read(*kind) + read(Marking::DashedSolid),
+            _ => read(*kind),
+        };
+        let most = KINDS.iter().max_by_key(|kind| (of(kind), -kind.code()));
+        if let Some(kind) = most.filter(|kind| of(kind) >= LEAST_READINGS) {
+            *votes.entry(kind.code()).or_insert(0) += 1;
+        }
+    }
+    votes
+}
+
+/// Posterior of any other marking than the map's; none if the map says none.
+fn p_retyped(mapped: Marking, votes: &BTreeMap<i16, i64>, sensor: &SensorModel) -> Option<f64> {
+    let mapped = match mapped {
+        Marking::DashedSolid => Marking::SolidDashed,
+        mapped => mapped,
+    };
+    if !KINDS.contains(&mapped) {
+        return None;
+    }
+    let others = (KINDS.len() - 1) as f64;
+    let right = libm::log(sensor.marking_read);
+    let wrong = libm::log((1.0 - sensor.marking_read) / others);
+    let nats_fx = |kind: &Marking| -> i64 {
+        let vote = |(read, count): (&i16, &i64)| {
+            count * fixed::from_f64(if *read == kind.code() { right } else { wrong })
+        };
+        votes.iter().map(vote).sum()
+    };
+    let nats: Vec<f64> = KINDS
+        .iter()
+        .map(|kind| fixed::to_f64(nats_fx(kind)))
+        .collect();
+    let most = nats.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (mut same, mut other) = (0.0, 0.0);
+    for (kind, nats) in KINDS.iter().zip(nats) {
+        let likelihood = libm::exp(nats - most);
+        match *kind == mapped {
+            true => same += (1.0 - PRIOR_RETYPED) * likelihood,
+            false => other += PRIOR_RETYPED / others * likelihood,
+        }
+    }
+    Some(other / (same + other))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_passes_of_one_mind_are_needed() {
+        let sensor = SensorModel::default();
+        let p = |count| {
+            let votes = BTreeMap::from([(Marking::Dashed.code(), count)]);
+            p_retyped(Marking::Solid, &votes, &sensor).unwrap_or(0.0)
+        };
+        // One vote for dashed: odds 0.005 / 4 * 0.8 to 0.995 * 0.05, and three unlikely others.
+        let by_hand = 0.005 / 4.0 * (0.8 + 3.0 * 0.05);
+        assert!((p(1) - by_hand / (by_hand + 0.995 * 0.05)).abs() < 1e-6);
+        assert!(p(2) < 0.5 && p(3) > 0.85, "{} {}", p(2), p(3));
+        assert_eq!(p_retyped(Marking::Unknown, &BTreeMap::new(), &sensor), None);
+    }
+}
