@@ -121,7 +121,7 @@ mod tests {
         // One vote for dashed: odds 0.005 / 4 * 0.8 to 0.995 * 0.05, and three unlikely others.
         let by_hand = 0.005 / 4.0 * (0.8 + 3.0 * 0.05);
         assert!((p(1) - by_hand / (by_hand + 0.995 * 0.05)).abs() < 1e-6);
-        assert!(p(2) < 0.5 && p(3) > 0.85, "{} {}", p(2), p(3));
+        assert!(p(2) < 0.5 && p(3) > 0.8, "{} {}", p(2), p(3));
         assert_eq!(p_retyped(Marking::Unknown, &BTreeMap::new(), &sensor), None);
     }
 }
