@@ -9,9 +9,9 @@ use tilefold_tiler::station::{Polyline, section_count, section_range};
 
 use crate::calibrated::{self, Claim, State};
 use crate::chain;
+use crate::fold::{Fold, FusionModel};
 use crate::paper;
 use crate::passes::{Pass, passes};
-use crate::reduce_tile::FusionModel;
 
 /// Section length in metres, as the map stage counts sections.
 pub const SECTION_M: f64 = 10.0;
@@ -20,9 +20,7 @@ pub const SECTION_M: f64 = 10.0;
 const CORRELATION_LENGTH_M: f64 = 30.0;
 /// Prior of removed and of modified: half of 2 % churn each.
 const PRIOR_CHANGE: [f64; 2] = [0.01, 0.01];
-/// A verdict takes at least this many vehicles...
-const MIN_VEHICLES: usize = 2;
-/// ... each with at least this much visibility, in fully visible frames.
+/// A vehicle of the quorum has looked with at least this much visibility, in fully visible frames.
 const MIN_LOOK: f64 = 1.0;
 /// Below this posterior no hypothesis is called.
 const MIN_POSTERIOR: f64 = 0.5;
@@ -40,7 +38,7 @@ struct Judged {
 pub fn judge(
     mapped: &MappedElement,
     rows: &[&EvidenceRow],
-    model: FusionModel,
+    Fold { model, quorum }: Fold,
 ) -> Vec<ChangeRecord> {
     let length_m = mapped.length_m;
     let linear = matches!(
@@ -57,7 +55,7 @@ pub fn judge(
         FusionModel::Paper => sections.iter().map(judge_paper).collect(),
         FusionModel::Calibrated => judge_calibrated(&sections),
     };
-    stretches(&judged, &sections)
+    stretches(&judged, &sections, quorum)
         .into_iter()
         .map(|(verdict, range)| record(mapped, &sections, &judged, verdict, range, length_m, model))
         .collect()
@@ -191,9 +189,9 @@ fn verdict(posterior: &[f64; 4]) -> Verdict {
 type Stretch = (Verdict, (usize, usize));
 
 /// Runs of changed sections; or the whole element, if nothing on it changed.
-fn stretches(judged: &[Judged], sections: &[Vec<Pass>]) -> Vec<Stretch> {
+fn stretches(judged: &[Judged], sections: &[Vec<Pass>], quorum: usize) -> Vec<Stretch> {
     let whole = (0, judged.len());
-    if vehicles(sections, whole).len() < MIN_VEHICLES {
+    if vehicles(sections, whole).len() < quorum {
         return vec![(Verdict::Unknown, whole)];
     }
     let verdicts: Vec<Verdict> = judged.iter().map(|j| verdict(&j.posterior)).collect();
@@ -206,7 +204,7 @@ fn stretches(judged: &[Judged], sections: &[Vec<Pass>]) -> Vec<Stretch> {
     }
     // What nobody saw follows its neighbours, but no run is claimed without a look at it.
     runs.retain(|(verdict, range)| {
-        verdict.is_change() && vehicles(sections, *range).len() >= MIN_VEHICLES
+        verdict.is_change() && vehicles(sections, *range).len() >= quorum
     });
     if runs.is_empty() {
         let unchanged = verdicts.contains(&Verdict::NoChange);

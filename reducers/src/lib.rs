@@ -2,14 +2,16 @@
 //!
 //! Pure: no disk, no clock, no environment, no randomness. [`passes`] forms the units of
 //! independence, [`paper`] and [`calibrated`] are the two fusion models, [`elements`] judges
-//! mapped elements and [`candidates`] what the map lacks; [`reduce_tile()`] joins them.
+//! mapped elements and [`candidates`] what the map lacks, as a [`fold`] says; [`reduce_tile()`] joins them.
 
 pub mod calibrated;
 pub mod candidates;
 pub mod chain;
 pub mod elements;
+pub mod fold;
 pub mod paper;
 pub mod passes;
 pub mod reduce_tile;
 
-pub use reduce_tile::{FusionModel, TileInput, reduce_tile};
+pub use fold::{Fold, FusionModel};
+pub use reduce_tile::{TileInput, reduce_tile};
