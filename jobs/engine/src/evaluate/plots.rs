@@ -10,8 +10,10 @@ use crate::picture::{Anchor, BLUE, GREY, ORANGE, Picture, Rgb, Shape};
 /// Side of the square that data is drawn in, pixels.
 const SIDE: f64 = 300.0;
 /// Room for the numbers to the left, and for the title above.
-const LEFT: f64 = 52.0;
-const TOP: f64 = 62.0;
+const LEFT: f64 = 58.0;
+const TOP: f64 = 70.0;
+/// Room to the right, for half of the last number.
+const RIGHT: f64 = 26.0;
 /// Room below, for numbers and the name of the axis.
 const BELOW: f64 = 46.0;
 
@@ -21,6 +23,18 @@ struct Series<'a> {
     color: Rgb,
     sweep: &'a [SweepPoint],
     calibration: &'a Calibration,
+}
+
+impl Series<'_> {
+    /// The paper's lines are dashed: both can be told apart without colour, and where they meet.
+    fn line(&self, points: Vec<[f64; 2]>, width: f64) -> Shape {
+        Shape::Line {
+            points,
+            color: self.color,
+            width,
+            is_dashed: self.name == "paper",
+        }
+    }
 }
 
 /// Writes `reliability` and `sweep` as SVG and PNG into `folder`, which is made if need be.
@@ -59,7 +73,7 @@ struct Panel {
 
 impl Panel {
     fn new(number: u32, x: [f64; 2]) -> Self {
-        let left = LEFT + f64::from(number) * (SIDE + LEFT + 16.0);
+        let left = LEFT + f64::from(number) * (SIDE + LEFT + RIGHT);
         Self { left, x }
     }
 
@@ -77,7 +91,7 @@ impl Panel {
             shapes.push(rule(vec![self.at(low, y), self.at(high, y)]));
             let [x_px, y_px] = self.at(low, y);
             shapes.push(text(
-                [x_px - 6.0, y_px + 4.5],
+                [x_px - 12.0, y_px + 4.5],
                 format!("{y:.1}"),
                 Anchor::End,
             ));
@@ -85,7 +99,7 @@ impl Panel {
         for &x in x_ticks {
             shapes.push(rule(vec![self.at(x, 0.0), self.at(x, 1.0)]));
             let [x_px, y_px] = self.at(x, 0.0);
-            shapes.push(text([x_px, y_px + 18.0], tick(x), Anchor::Middle));
+            shapes.push(text([x_px, y_px + 20.0], tick(x), Anchor::Middle));
         }
         let middle = self.left + 0.5 * SIDE;
         let name_at = [middle, TOP + SIDE + 38.0];
@@ -95,11 +109,11 @@ impl Panel {
     }
 
     /// The name of a series with its colour, the `row`th below the title.
-    fn legend(&self, row: u32, color: Rgb, words: String) -> [Shape; 2] {
+    fn legend(&self, row: u32, series: &Series<'_>, words: String) -> [Shape; 2] {
         let y = 36.0 + 17.0 * f64::from(row);
         let dash = vec![[self.left, y - 4.5], [self.left + 20.0, y - 4.5]];
         [
-            line(dash, color),
+            series.line(dash, 2.0),
             text([self.left + 26.0, y], words, Anchor::Start),
         ]
     }
@@ -114,15 +128,6 @@ fn text(at: [f64; 2], text: String, anchor: Anchor) -> Shape {
     Shape::Text { at, text, anchor }
 }
 
-fn line(points: Vec<[f64; 2]>, color: Rgb) -> Shape {
-    Shape::Line {
-        points,
-        color,
-        width: 2.0,
-        is_dashed: false,
-    }
-}
-
 fn rule(points: Vec<[f64; 2]>) -> Shape {
     Shape::Line {
         points,
@@ -133,7 +138,7 @@ fn rule(points: Vec<[f64; 2]>) -> Shape {
 }
 
 fn picture(panels: u32, shapes: Vec<Shape>) -> Picture {
-    let width = f64::from(panels) * (LEFT + SIDE + 16.0);
+    let width = f64::from(panels) * (LEFT + SIDE + RIGHT);
     Picture {
         width: width as u32,
         height: (TOP + SIDE + BELOW) as u32,
@@ -155,15 +160,13 @@ fn reliability(series: &[Series<'_>; 2]) -> Picture {
     for (row, series) in (0..).zip(series) {
         let ece = series.calibration.ece;
         let words = ece.map_or("-".to_owned(), |ece| format!("{ece:.3}"));
-        shapes.extend(panel.legend(row, series.color, format!("{}, ECE {words}", series.name)));
+        shapes.extend(panel.legend(row, series, format!("{}, ECE {words}", series.name)));
         let bins = series.calibration.bins.iter();
         let points: Vec<([f64; 2], u64)> = bins
             .filter_map(|bin| Some((panel.at(bin.mean_p?, bin.changed_share?), bin.count)))
             .collect();
-        shapes.push(line(
-            points.iter().map(|(at, _)| *at).collect(),
-            series.color,
-        ));
+        let places = points.iter().map(|(at, _)| *at).collect();
+        shapes.push(series.line(places, 1.0));
         shapes.extend(points.iter().map(|&(at, count)| Shape::Dot {
             at,
             radius: (2.0 + (count as f64).sqrt() / 2.0).min(9.0),
@@ -185,7 +188,7 @@ fn sweep(series: &[Series<'_>; 2]) -> Picture {
         let panel = Panel::new(number, [0.70, 0.95]);
         shapes.extend(panel.axes(title, "T_s", &super::SWEEP));
         for (row, series) in (0..).zip(series) {
-            shapes.extend(panel.legend(row, series.color, series.name.to_owned()));
+            shapes.extend(panel.legend(row, series, series.name.to_owned()));
             shapes.extend(curve(&panel, series, figure));
         }
     }
@@ -216,6 +219,6 @@ fn curve(
         color: series.color,
     }];
     shapes.extend(dots.collect::<Vec<_>>());
-    shapes.push(line(points, series.color));
+    shapes.push(series.line(points, 2.0));
     shapes
 }
