@@ -195,6 +195,13 @@ pub(crate) enum Command {
         /// Seed of the resampling and of the lot.
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// CSV that says which element each detection is of: `vehicle,topic,stamp_ns,detection,
+        /// element_id`. The map stage is run once more over `--logs` and compared with it.
+        #[arg(long, requires = "logs")]
+        matching: Option<PathBuf>,
+        /// MCAP files, or folders of them, for `--matching`.
+        #[arg(long, num_args = 1.., requires = "matching")]
+        logs: Vec<PathBuf>,
         /// Folder for pictures: `reliability` and `sweep` as SVG and PNG.
         #[arg(long)]
         plots: Option<PathBuf>,

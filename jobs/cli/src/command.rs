@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 
 use clap::CommandFactory;
 use serde::Serialize;
-use tilefold_engine::evaluate::{Options, Refold, Subject, plots};
+use tilefold_engine::evaluate::{Options, Refold, Subject, matching, plots};
 use tilefold_engine::{Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, run};
 use tilefold_formats::geojson::{read_changes_file, write_changes};
+use tilefold_formats::matching_truth::MatchingTruth;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
     ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting, Verdict,
@@ -70,6 +71,8 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             single_vehicles,
             place_m,
             seed,
+            matching,
+            logs,
             plots,
         } => {
             let options = Options {
@@ -86,6 +89,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
                 truth: truth.as_deref(),
                 version: *version,
                 model: (*model).into(),
+                matching: matching.as_deref().map(|truth| (truth, logs.as_slice())),
                 plots: plots.as_deref(),
             };
             score(args, &asked, &options)
@@ -389,6 +393,8 @@ pub(crate) struct Asked<'a> {
     pub(crate) version: Option<i64>,
     /// Fusion model.
     pub(crate) model: FusionModel,
+    /// Which element each detection is of, and the logs with the detections.
+    pub(crate) matching: Option<(&'a Path, &'a [PathBuf])>,
     /// Folder for pictures.
     pub(crate) plots: Option<&'a Path>,
 }
@@ -404,7 +410,12 @@ pub(crate) fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result
         refold: &Refold::read(&snapshot)?,
         truth: &truth.unwrap_or_default(),
     };
-    let evaluation = evaluate(&[subject], asked.model, options)?;
+    let mut evaluation = evaluate(&[subject], asked.model, options)?;
+    if let Some((truth, logs)) = asked.matching {
+        let truth = MatchingTruth::read_file(truth)?;
+        let progress = progress::listener(args.progress);
+        evaluation.matching = Some(matching(&snapshot, logs, &truth, progress.as_ref())?);
+    }
     if let Some(folder) = asked.plots {
         let written = plots::write(folder, &evaluation).map_err(|error| {
             format!(

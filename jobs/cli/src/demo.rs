@@ -37,6 +37,7 @@ pub(crate) fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dy
         truth: Some(&city.truth),
         version: None,
         model: FusionModel::Calibrated,
+        matching: None,
         plots: None,
     };
     score(args, &asked, &Options::default())?;

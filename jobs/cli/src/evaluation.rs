@@ -2,7 +2,7 @@
 
 use comfy_table::Cell;
 use tilefold_engine::evaluate::{
-    ChangeScores, Evaluation, Findings, Interval, Outcome, Score, SweepPoint,
+    ChangeScores, Evaluation, Findings, Interval, Matching, Outcome, Score, SweepPoint,
 };
 
 use crate::table::{right, rows, table};
@@ -25,6 +25,7 @@ pub(crate) fn words(evaluation: &Evaluation) -> String {
         by_detail(&evaluation.findings.change),
         Some(sweep(evaluation)),
         Some(models(evaluation)),
+        evaluation.matching.as_ref().map(matching),
         others(&evaluation.outcomes),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join("\n\n")
@@ -174,6 +175,16 @@ fn models(evaluation: &Evaluation) -> String {
     ];
     let lines = figures.map(|(name, figure)| vec![name.to_owned(), figure(own), figure(other)]);
     rows(&["", one, two], lines)
+}
+
+fn matching(matching: &Matching) -> String {
+    format!(
+        "matching of {} detections: R_match {}, R_recall {}, assignment {}",
+        matching.detections,
+        share(matching.r_match),
+        share(matching.r_recall),
+        share(matching.assignment)
+    )
 }
 
 /// Claims that are not right, and changes that were missed.

@@ -5,7 +5,7 @@
 //! change a claim covers, and `pair` what is counted as found and what as wrong. `change` makes
 //! scores of the counts, with intervals that `bootstrap` takes over the `place`s; `calibration`,
 //! `geometry` and `outcome` say how good the probabilities and the lines are, and name every
-//! failure. [`plots`] draws it.
+//! failure. [`plots`] draws it. [`matching()`] is apart: it needs the logs.
 
 mod bootstrap;
 mod calibration;
@@ -13,6 +13,7 @@ mod change;
 mod claim;
 mod geometry;
 mod known;
+mod matching;
 mod outcome;
 mod pair;
 mod place;
@@ -36,6 +37,7 @@ pub use calibration::{BINS, Bin, Calibration, Control};
 pub use change::{ChangeScores, Metres, SWEEP, SweepPoint, TypeScores};
 pub use claim::Criteria;
 pub use geometry::GeometryErrors;
+pub use matching::{Matching, matching};
 pub use outcome::Outcome;
 pub use refold::Refold;
 pub use score::{Found, Interval, Score};
@@ -130,8 +132,8 @@ pub struct Evaluation {
     /// What it achieves.
     #[serde(flatten)]
     pub findings: Findings,
-    /// Matching against truth ids; null: the truth has none.
-    pub matching: Option<()>,
+    /// Matching against truth ids, as [`matching()`] gives it; null where there are none.
+    pub matching: Option<Matching>,
     /// The other fusion model.
     pub other_model: OtherModel,
     /// How intervals were made.
