@@ -3,14 +3,18 @@
 
 use std::error::Error;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use tilefold_engine::evaluate::{Evaluation, Options, Refold, Subject, plots};
+use tempfile::TempDir;
+use tilefold_engine::evaluate::{
+    Drives, Evaluation, Matching, Options, Refold, Subject, matching, plots,
+};
 use tilefold_engine::{FusionModel, InitOptions, Silent, evaluate, init, run as run_logs};
 use tilefold_formats::geojson::{TruthChange, read_changes_file};
+use tilefold_formats::matching_truth::MatchingTruth;
 use tilefold_schemas::evidence::METHOD_VERSION;
-use tilefold_store::Store;
+use tilefold_store::{Snapshot, Store};
 
 use crate::suite::{Seeds, Suite};
 
@@ -30,8 +34,14 @@ struct RawResult<'a> {
 
 /// A city after its run.
 struct City {
+    snapshot: Snapshot,
     refold: Refold,
     truth: Vec<TruthChange>,
+    logs: Vec<PathBuf>,
+    /// Which element each detection is of, where the simulator says so.
+    matching_truth: Option<MatchingTruth>,
+    /// Holds the store and the logs, and is deleted with the city.
+    _folder: TempDir,
 }
 
 /// Runs a suite; writes `SUITE.json` and its pictures into `out`.
@@ -52,7 +62,8 @@ pub(crate) fn run(suite: &Suite, seeds: Seeds, out: &Path) -> Result<(), Box<dyn
         single_vehicles: SINGLE_VEHICLES,
         ..Options::default()
     };
-    let evaluation = evaluate(&subjects, FusionModel::Calibrated, &options)?;
+    let mut evaluation = evaluate(&subjects, FusionModel::Calibrated, &options)?;
+    evaluation.matching = match_all(&cities)?;
     let result = RawResult {
         suite,
         seed_set: seeds,
@@ -72,6 +83,21 @@ pub(crate) fn run(suite: &Suite, seeds: Seeds, out: &Path) -> Result<(), Box<dyn
     Ok(())
 }
 
+/// How well detections of all cities are matched; none where one of them does not know.
+fn match_all(cities: &[City]) -> Result<Option<Matching>, Box<dyn Error>> {
+    let drives = cities.iter().map(|city| {
+        Some(Drives {
+            snapshot: &city.snapshot,
+            logs: &city.logs,
+            truth: city.matching_truth.as_ref()?,
+        })
+    });
+    let drives: Option<Vec<Drives<'_>>> = drives.collect();
+    Ok(drives
+        .map(|drives| matching(&drives, &Silent))
+        .transpose()?)
+}
+
 fn drive_through(suite: &Suite, seed: u64) -> Result<City, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let files = suite.simulate(seed, folder.path())?;
@@ -82,9 +108,17 @@ fn drive_through(suite: &Suite, seed: u64) -> Result<City, Box<dyn Error>> {
     };
     init(&location, &[files.before_map], &options)?;
     run_logs(&location, &files.logs, FusionModel::Calibrated, &Silent)?;
-    let store = Store::open(location)?;
+    let snapshot = Store::open(location)?.snapshot(None)?;
+    let matching_truth = folder.path().join("matching.csv");
     Ok(City {
-        refold: Refold::read(&store.snapshot(None)?)?,
+        refold: Refold::read(&snapshot)?,
+        snapshot,
         truth: read_changes_file(&files.truth)?,
+        logs: files.logs,
+        matching_truth: matching_truth
+            .exists()
+            .then(|| MatchingTruth::read_file(&matching_truth))
+            .transpose()?,
+        _folder: folder,
     })
 }

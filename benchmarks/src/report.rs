@@ -48,8 +48,11 @@ pub(crate) fn make(runs: &Path, docs: &Path, check: bool) -> Result<(), Box<dyn 
     Ok(())
 }
 
-/// The page and its pictures, with their paths.
-fn files(runs: &Path, docs: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>, Box<dyn Error>> {
+/// A path and what should be there.
+type Made = (PathBuf, Vec<u8>);
+
+/// The page and its pictures.
+fn files(runs: &Path, docs: &Path) -> Result<Vec<Made>, Box<dyn Error>> {
     let results = read(runs)?;
     let mut files = vec![(docs.join("accuracy.md"), page::page(&results).into_bytes())];
     for raw in &results {

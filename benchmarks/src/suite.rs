@@ -148,6 +148,7 @@ impl Suite {
     }
 
     /// Makes the city of a seed in a folder. This is the only place that knows the simulator.
+    /// If it writes a `matching.csv` beside the truth, matching is measured, too.
     pub(crate) fn simulate(&self, seed: u64, folder: &Path) -> Result<CityFiles, Box<dyn Error>> {
         let spec = CitySpec {
             seed,

@@ -195,8 +195,8 @@ pub(crate) enum Command {
         /// Seed of the resampling and of the lot.
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// CSV that says which element each detection is of: `vehicle,topic,stamp_ns,detection,
-        /// element_id`. The map stage is run once more over `--logs` and compared with it.
+        /// CSV that says which element each detection is of; its columns are in
+        /// docs/reference/evaluation.md. The map stage is run once more over `--logs` and compared.
         #[arg(long, requires = "logs")]
         matching: Option<PathBuf>,
         /// MCAP files, or folders of them, for `--matching`.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::CommandFactory;
 use serde::Serialize;
-use tilefold_engine::evaluate::{Options, Refold, Subject, matching, plots};
+use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, plots};
 use tilefold_engine::{Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, run};
 use tilefold_formats::geojson::{read_changes_file, write_changes};
 use tilefold_formats::matching_truth::MatchingTruth;
@@ -412,9 +412,13 @@ pub(crate) fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result
     };
     let mut evaluation = evaluate(&[subject], asked.model, options)?;
     if let Some((truth, logs)) = asked.matching {
-        let truth = MatchingTruth::read_file(truth)?;
+        let drives = Drives {
+            snapshot: &snapshot,
+            logs,
+            truth: &MatchingTruth::read_file(truth)?,
+        };
         let progress = progress::listener(args.progress);
-        evaluation.matching = Some(matching(&snapshot, logs, &truth, progress.as_ref())?);
+        evaluation.matching = Some(matching(&[drives], progress.as_ref())?);
     }
     if let Some(folder) = asked.plots {
         let written = plots::write(folder, &evaluation).map_err(|error| {

@@ -37,7 +37,7 @@ pub use calibration::{BINS, Bin, Calibration, Control};
 pub use change::{ChangeScores, Metres, SWEEP, SweepPoint, TypeScores};
 pub use claim::Criteria;
 pub use geometry::GeometryErrors;
-pub use matching::{Matching, matching};
+pub use matching::{Drives, Matching, matching};
 pub use outcome::Outcome;
 pub use refold::Refold;
 pub use score::{Found, Interval, Score};

@@ -81,17 +81,39 @@ impl Counts {
     }
 }
 
-/// Maps `logs` against the base map of a version and compares with `truth`. Frames that the truth
-/// does not know do not count, nor do logs that cannot be read.
+/// Drives whose matching is looked at.
+#[derive(Debug, Clone, Copy)]
+pub struct Drives<'a> {
+    /// Version with the base map.
+    pub snapshot: &'a Snapshot,
+    /// Logs, or folders of them.
+    pub logs: &'a [PathBuf],
+    /// What their detections are of.
+    pub truth: &'a MatchingTruth,
+}
+
+/// Maps logs against their base maps and compares with their truth, all together. Frames that the
+/// truth does not know do not count, nor do logs that cannot be read.
 ///
 /// # Errors
-/// The store is damaged.
+/// A store is damaged.
 pub fn matching(
-    snapshot: &Snapshot,
-    logs: &[PathBuf],
-    truth: &MatchingTruth,
+    all_drives: &[Drives<'_>],
     progress: &dyn Progress,
 ) -> Result<Matching, EngineError> {
+    let mut all = Counts::default();
+    for drives in all_drives {
+        all = all.plus(compare(drives, progress)?);
+    }
+    Ok(all.matching())
+}
+
+fn compare(drives: &Drives<'_>, progress: &dyn Progress) -> Result<Counts, EngineError> {
+    let Drives {
+        snapshot,
+        logs,
+        truth,
+    } = *drives;
     let properties = snapshot.store().properties();
     let tile_level = u32::from(properties.tile_level);
     let meter = Meter::default();
@@ -113,12 +135,12 @@ pub fn matching(
         progress.advance(Stage::Map, 1, 0);
         counts
     };
-    let all: Counts = units
+    let all = units
         .par_iter()
         .map(compare)
         .reduce(Counts::default, Counts::plus);
     progress.end(Stage::Map);
-    Ok(all.matching())
+    Ok(all)
 }
 
 /// What every unit is compared with.

@@ -176,9 +176,11 @@ fn reliability(series: &[Series<'_>; 2]) -> Picture {
     picture(1, shapes)
 }
 
+/// A figure of a score, and its interval.
+type Figure = fn(&Score) -> (Option<f64>, Option<Interval>);
+
 /// Precision and recall over T_s, with bands where there are intervals.
 fn sweep(series: &[Series<'_>; 2]) -> Picture {
-    type Figure = fn(&Score) -> (Option<f64>, Option<Interval>);
     let figures: [(&str, Figure); 2] = [
         ("precision", |score| (score.precision, score.precision_95)),
         ("recall", |score| (score.recall, score.recall_95)),
@@ -189,36 +191,41 @@ fn sweep(series: &[Series<'_>; 2]) -> Picture {
         shapes.extend(panel.axes(title, "T_s", &super::SWEEP));
         for (row, series) in (0..).zip(series) {
             shapes.extend(panel.legend(row, series, series.name.to_owned()));
-            shapes.extend(curve(&panel, series, figure));
         }
+        // No band hides a curve.
+        shapes.extend(series.iter().map(|series| band(&panel, series, figure)));
+        shapes.extend(
+            series
+                .iter()
+                .flat_map(|series| curve(&panel, series, figure)),
+        );
     }
     picture(2, shapes)
 }
 
-fn curve(
-    panel: &Panel,
-    series: &Series<'_>,
-    figure: impl Fn(&Score) -> (Option<f64>, Option<Interval>),
-) -> Vec<Shape> {
-    let mut points = Vec::new();
+fn band(panel: &Panel, series: &Series<'_>, figure: Figure) -> Shape {
     let (mut lower, mut upper) = (Vec::new(), Vec::new());
     for SweepPoint { threshold, scores } in series.sweep {
-        let (value, interval) = figure(&scores.all);
-        points.extend(value.map(|value| panel.at(*threshold, value)));
+        let (_, interval) = figure(&scores.all);
         lower.extend(interval.map(|[low, _]| panel.at(*threshold, low)));
         upper.extend(interval.map(|[_, high]| panel.at(*threshold, high)));
     }
-    let band = lower.into_iter().chain(upper.into_iter().rev());
-    let dots = points.iter().map(|&at| Shape::Dot {
+    Shape::Area {
+        points: lower.into_iter().chain(upper.into_iter().rev()).collect(),
+        color: series.color,
+    }
+}
+
+fn curve(panel: &Panel, series: &Series<'_>, figure: Figure) -> Vec<Shape> {
+    let points: Vec<[f64; 2]> = (series.sweep.iter())
+        .filter_map(|point| Some(panel.at(point.threshold, figure(&point.scores.all).0?)))
+        .collect();
+    let dot = |&at| Shape::Dot {
         at,
         radius: 3.0,
         color: series.color,
-    });
-    let mut shapes = vec![Shape::Area {
-        points: band.collect(),
-        color: series.color,
-    }];
-    shapes.extend(dots.collect::<Vec<_>>());
+    };
+    let mut shapes: Vec<Shape> = points.iter().map(dot).collect();
     shapes.push(series.line(points, 2.0));
     shapes
 }
