@@ -81,7 +81,7 @@ def main():
         with open(args.claims) as file:
             outcomes = json.load(file)["outcomes"]
         claimed = {o["change"] for o in outcomes if o["outcome"] != "missed"}
-        wrong = {o["change"] for o in outcomes if o["outcome"] == "wrong"}
+        wrong = {o["change"] for o in outcomes if o["outcome"].startswith("wrong")}
         missed = {o["element_id"] for o in outcomes if o["outcome"] == "missed"}
 
     figure, rows = plt.subplots(ROWS, 1, figsize=(15, 19))

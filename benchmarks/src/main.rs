@@ -1,2 +1,79 @@
-//! Benchmarks.
-fn main() {}
+//! Benchmarks: `cargo run --release -p tilefold-benchmarks -- accuracy`.
+//!
+//! `suite` says which cities are driven through, `accuracy` runs them and keeps raw results,
+//! `report` makes the page of the book from raw results and says whether it is up to date.
+
+mod accuracy;
+mod report;
+mod suite;
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use suite::Seeds;
+
+/// Measures Tilefold.
+#[derive(Debug, Parser)]
+#[command(max_term_width = 100)]
+struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Simulates the cities of each suite, runs the job on them, and scores both fusion models.
+    Accuracy {
+        /// Suite; all that can be simulated if not given.
+        #[arg(long)]
+        suite: Vec<String>,
+        /// Which seeds: parameters are chosen on `tuning` and figures published from `reporting`.
+        #[arg(long, value_enum, default_value_t)]
+        seeds: Seeds,
+        /// Folder of the raw results.
+        #[arg(long, default_value = "benchmarks/runs/accuracy")]
+        out: PathBuf,
+        /// Makes docs/results/accuracy.md and its pictures from the raw results instead.
+        #[arg(long)]
+        report: bool,
+        /// Only says whether the page and the raw results are up to date; exit code 1 if not.
+        #[arg(long, requires = "report")]
+        check: bool,
+    },
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: &Command) -> Result<(), Box<dyn Error>> {
+    match command {
+        Command::Accuracy {
+            out,
+            report: true,
+            check,
+            ..
+        } => report::make(out, Path::new("docs/results"), *check),
+        Command::Accuracy {
+            suite, seeds, out, ..
+        } => {
+            let wanted = suite::named(suite)?;
+            for suite in wanted {
+                match suite.obstacle() {
+                    Some(why) => eprintln!("{}: left out, {why}", suite.name),
+                    None => accuracy::run(suite, *seeds, out)?,
+                }
+            }
+            Ok(())
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! Changes as GeoJSON (RFC 7946): exports of change records, and the truth and change files that
 //! evaluations read. Both share one form: a `FeatureCollection` whose features say `element_id`,
-//! `change_type`, `kind` and, where they know it, `from_m` and `to_m`.
+//! `change_type`, `kind` and, where they know it, `from_m`, `to_m`, `detail` and `since`.
 
 mod read;
 mod write;
@@ -37,6 +37,11 @@ pub struct TruthChange {
     pub from_m: Option<f64>,
     /// Station at which it ends, metres; none: at the end.
     pub to_m: Option<f64>,
+    /// What kind of change it is more closely, in the words of whoever knows: `shifted`,
+    /// `retyped`, `construction`, ...
+    pub detail: Option<String>,
+    /// Since when the road is as it is, nanoseconds since the Unix epoch.
+    pub since_ns: Option<i64>,
     /// What `points` are.
     pub shape: Shape,
     /// Vertices `[longitude_deg, latitude_deg, elevation_m]`; elevation 0 where there is none.

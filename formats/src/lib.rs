@@ -5,3 +5,4 @@ pub mod log;
 pub mod log_write;
 pub mod map;
 pub mod map_write;
+pub mod matching_truth;

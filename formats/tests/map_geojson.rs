@@ -286,3 +286,37 @@ proptest! {
         }
     }
 }
+
+fn truth_with(properties: &str) -> Result<TruthChange, String> {
+    let text = format!(
+        r#"{{"type":"FeatureCollection","features":[{{"type":"Feature","geometry":null,
+        "properties":{{"change_type":"removed","kind":"lane_marking",{properties}}}}}]}}"#
+    );
+    read(&text).map(|changes| changes[0].clone())
+}
+
+#[test]
+fn details_and_times_are_optional() {
+    let plain = truth_with(r#""element_id":1,"colour_of_the_sky":"blue""#).unwrap();
+    assert_eq!((plain.detail, plain.since_ns), (None, None));
+    let null = truth_with(r#""detail":null,"since":null"#).unwrap();
+    assert_eq!((null.detail, null.since_ns), (None, None));
+    let detailed = truth_with(r#""detail":"partly_removed","since":1709208000123999999"#).unwrap();
+    assert_eq!(detailed.detail.as_deref(), Some("partly_removed"));
+    assert_eq!(detailed.since_ns, Some(1_709_208_000_123_999_999));
+    // `date -u --date=2024-02-29T13:00:00.5+01:00 +%s%N`
+    let text = truth_with(r#""since":"2024-02-29T13:00:00.5+01:00""#).unwrap();
+    assert_eq!(text.since_ns, Some(1_709_208_000_500_000_000));
+    for (properties, says) in [
+        (r#""detail":7"#, "detail"),
+        (r#""since":"yesterday""#, "\"yesterday\" is neither"),
+        (r#""since":1.5"#, "1.5 is neither"),
+        (r#""since":"3000-01-01T00:00:00Z""#, "neither"),
+    ] {
+        let error = truth_with(properties).unwrap_err();
+        assert!(
+            error.contains(says) && error.contains("feature 0"),
+            "{error}"
+        );
+    }
+}

@@ -20,6 +20,7 @@ use tilefold_tiler::tile::tile_of;
 use crate::calibrated::CONTAMINATION;
 use crate::chain;
 use crate::elements::{SECTION_M, round_degrees};
+use crate::fold::Fold;
 
 /// Sightings whose boxes come this near belong to one component, in degrees (about 5 m).
 const TOUCH_DEG: f64 = 5e-5;
@@ -29,8 +30,6 @@ const STEP_M: f64 = 2.0;
 const WINDOW_M: (f64, f64) = (4.0, 0.9);
 /// A line is followed over at most this much road without a sighting, in metres.
 const MAX_GAP_M: f64 = 12.0;
-/// A line is begun where at least this many vehicles saw it.
-const MIN_SEED_VEHICLES: usize = 2;
 /// A vehicle's sighting within this distance along the line is a hit, in metres.
 const HIT_REACH_M: f64 = 6.0;
 /// P(sighting | a line is there, fully visible).
@@ -76,12 +75,12 @@ pub fn judge(
     footprints: &[Footprint],
     map: &MapIndex,
     tile_level: u32,
-    model_name: &str,
+    fold: Fold,
 ) -> Vec<ChangeRecord> {
     let looks = LookIndex::new(footprints, map);
     let mut records: Vec<ChangeRecord> = components(sightings)
         .into_iter()
-        .flat_map(|component| judge_component(&component, &looks, tile_level, model_name))
+        .flat_map(|component| judge_component(&component, &looks, tile_level, fold))
         .collect();
     records.sort_by_key(|record| (record.tile, record.change));
     records
@@ -147,8 +146,9 @@ fn judge_component(
     component: &[&Sighting],
     looks: &LookIndex,
     tile_level: u32,
-    model_name: &str,
+    fold: Fold,
 ) -> Vec<ChangeRecord> {
+    let model_name = fold.model.name();
     let Some(anchor) = component
         .iter()
         .find_map(|s| vertices_of(s).first().copied())
@@ -157,7 +157,7 @@ fn judge_component(
     };
     let frame = LocalFrame::new([anchor[0], anchor[1], 0.0]);
     let vertices = plane_vertices(component, &frame);
-    follow_all(&vertices)
+    follow_all(&vertices, fold.quorum)
         .into_iter()
         .flat_map(|line| judge_line(&line, component, &frame, looks, tile_level, model_name))
         .collect()
@@ -198,8 +198,8 @@ fn unit([x, y]: [f64; 2]) -> Option<[f64; 2]> {
     (length > 1e-9).then(|| [x / length, y / length])
 }
 
-/// Follows lines until no place is left that enough vehicles saw.
-fn follow_all(vertices: &[Vertex]) -> Vec<Followed> {
+/// Follows lines until no place is left that `quorum` vehicles saw.
+fn follow_all(vertices: &[Vertex], quorum: usize) -> Vec<Followed> {
     let tree = RTree::bulk_load(
         vertices
             .iter()
@@ -225,7 +225,7 @@ fn follow_all(vertices: &[Vertex]) -> Vec<Followed> {
         }
         let seed = &vertices[index];
         let support = Window::new(seed.at, seed.along).gather(&tree, vertices, &free);
-        if support.by_vehicle.len() < MIN_SEED_VEHICLES {
+        if support.by_vehicle.len() < quorum {
             continue;
         }
         let line = follow(seed, &tree, vertices, &free);

@@ -9,10 +9,10 @@ use tilefold_tiler::station::{Polyline, section_count, section_range};
 
 use crate::calibrated::{self, Claim, State};
 use crate::chain;
+use crate::fold::{Fold, FusionModel};
 use crate::markings;
 use crate::paper;
 use crate::passes::{Pass, passes};
-use crate::reduce_tile::FusionModel;
 use crate::sensor::SensorModel;
 use crate::traverse;
 
@@ -22,9 +22,7 @@ pub const SECTION_M: f64 = 10.0;
 const PRIOR_CHANGE: [f64; 2] = [0.01, 0.01];
 /// Affinity of sections that differ in how well they can be seen, relative to those that do not.
 const OTHER_LEVEL: f64 = 0.1;
-/// A verdict takes at least this many vehicles...
-const MIN_VEHICLES: usize = 2;
-/// ... each with at least this much visibility, in fully visible frames.
+/// A vehicle of the quorum has looked with at least this much visibility, in fully visible frames.
 const MIN_LOOK: f64 = 1.0;
 /// Below this posterior no hypothesis is called.
 const MIN_POSTERIOR: f64 = 0.5;
@@ -42,7 +40,7 @@ pub(crate) struct Judged {
 pub fn judge(
     mapped: &MappedElement,
     rows: &[&EvidenceRow],
-    model: FusionModel,
+    Fold { model, quorum }: Fold,
 ) -> Vec<ChangeRecord> {
     let length_m = mapped.length_m;
     let linear = matches!(
@@ -64,7 +62,7 @@ pub fn judge(
             judged
         }
     };
-    stretches(&judged, &sections)
+    stretches(&judged, &sections, quorum)
         .into_iter()
         .map(|(verdict, range)| record(mapped, &sections, &judged, verdict, range, length_m, model))
         .collect()
@@ -199,9 +197,9 @@ fn verdict(posterior: &[f64; 4]) -> Verdict {
 type Stretch = (Verdict, (usize, usize));
 
 /// Runs of changed sections; or the whole element, if nothing on it changed.
-fn stretches(judged: &[Judged], sections: &[Vec<Pass>]) -> Vec<Stretch> {
+fn stretches(judged: &[Judged], sections: &[Vec<Pass>], quorum: usize) -> Vec<Stretch> {
     let whole = (0, judged.len());
-    if vehicles(sections, whole).len() < MIN_VEHICLES {
+    if vehicles(sections, whole).len() < quorum {
         return vec![(Verdict::Unknown, whole)];
     }
     let verdicts: Vec<Verdict> = judged.iter().map(|j| verdict(&j.posterior)).collect();
@@ -214,7 +212,7 @@ fn stretches(judged: &[Judged], sections: &[Vec<Pass>]) -> Vec<Stretch> {
     }
     // What nobody saw follows its neighbours, but no run is claimed without a look at it.
     runs.retain(|(verdict, range)| {
-        verdict.is_change() && vehicles(sections, *range).len() >= MIN_VEHICLES
+        verdict.is_change() && vehicles(sections, *range).len() >= quorum
     });
     if runs.is_empty() {
         let unchanged = verdicts.contains(&Verdict::NoChange);

@@ -1,13 +1,15 @@
 //! The reduce stage: evidence in, verdicts and layers out.
 //!
 //! Pure: no disk, no clock, no environment, no randomness. [`passes`] forms the units of
-//! independence, [`paper`] and [`calibrated`] are the two fusion models, [`sensor`] says how detectors err, [`elements`] judges
-//! mapped elements and [`candidates`] what the map lacks; [`reduce_tile()`] joins them.
+//! independence, [`paper`] and [`calibrated`] are the two fusion models, [`sensor`] says how
+//! detectors err, [`elements`] judges mapped elements and [`candidates`] what the map lacks, as a
+//! [`fold`] says; [`reduce_tile()`] joins them.
 
 pub mod calibrated;
 pub mod candidates;
 pub mod chain;
 pub mod elements;
+pub mod fold;
 mod markings;
 pub mod paper;
 pub mod passes;
@@ -15,5 +17,6 @@ pub mod reduce_tile;
 pub mod sensor;
 mod traverse;
 
-pub use reduce_tile::{FusionModel, TileInput, reduce_tile};
+pub use fold::{Fold, FusionModel};
+pub use reduce_tile::{TileInput, reduce_tile};
 pub use sensor::SensorModel;

@@ -6,30 +6,7 @@ use tilefold_schemas::{ChangeRecord, EvidenceRow};
 use tilefold_tiler::map_index::MappedElement;
 
 use crate::elements;
-
-/// How evidence becomes a posterior.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum FusionModel {
-    /// The paper's equations as printed.
-    Paper,
-    /// Likelihood ratios of a detection model.
-    #[default]
-    Calibrated,
-}
-
-impl FusionModel {
-    /// All models.
-    pub const ALL: [Self; 2] = [Self::Paper, Self::Calibrated];
-
-    /// The name in records and on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paper => "paper",
-            Self::Calibrated => "calibrated",
-        }
-    }
-}
+use crate::fold::Fold;
 
 /// All that is known of one tile.
 #[derive(Debug, Clone, Default)]
@@ -44,7 +21,7 @@ pub struct TileInput<'a> {
 
 /// The change records of a tile: one or more an element, then the additions.
 #[must_use]
-pub fn reduce_tile(input: &TileInput<'_>, model: FusionModel) -> Vec<ChangeRecord> {
+pub fn reduce_tile(input: &TileInput<'_>, fold: Fold) -> Vec<ChangeRecord> {
     let mut rows: BTreeMap<i64, Vec<&EvidenceRow>> = BTreeMap::new();
     for row in &input.rows {
         rows.entry(row.element).or_default().push(row);
@@ -53,7 +30,7 @@ pub fn reduce_tile(input: &TileInput<'_>, model: FusionModel) -> Vec<ChangeRecor
     let mut records: Vec<ChangeRecord> = input
         .elements
         .iter()
-        .flat_map(|element| elements::judge(element, of(element), model))
+        .flat_map(|element| elements::judge(element, of(element), fold))
         .collect();
     records.extend(input.additions.iter().map(|addition| (*addition).clone()));
     records

@@ -5,7 +5,7 @@
 //! into metres, [`clock`] brings
 //! the two clocks together, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
 //! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen, and
-//! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk()`] joins them.
+//! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk()`] joins them; [`trace`] is for onlookers.
 
 mod banded;
 pub mod camera;
@@ -22,6 +22,7 @@ pub mod register;
 pub mod scale;
 pub mod sight;
 pub mod testify;
+pub mod trace;
 pub mod visibility;
 
-pub use map_chunk::{Evidence, MapContext, map_chunk};
+pub use map_chunk::{Evidence, MapContext, map_chunk, map_chunk_traced};

@@ -17,6 +17,8 @@ const PIXEL_RANGE_M: (f64, f64) = (3.0, 20.0);
 /// A line that was seen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeenLine {
+    /// Which of the message's detections it is, counted from 0.
+    pub detection: usize,
     /// How it is painted, if recognised.
     pub marking: Marking,
     /// Its colour, if recognised.
@@ -122,11 +124,8 @@ fn seen_lines(
     camera: Option<&Camera>,
     tree: &FrameTree,
 ) -> Option<Vec<SeenLine>> {
-    let lines = frame
-        .value
-        .detections
-        .iter()
-        .filter(|detection| detection.kind == ElementKind::LaneMarking);
+    let detections = frame.value.detections.iter().enumerate();
+    let lines = detections.filter(|(_, detection)| detection.kind == ElementKind::LaneMarking);
     match frame.value.space {
         DetectionSpace::Metres => {
             let vehicle_from_frame = tree.vehicle_from(&frame.frame_id)?;
@@ -149,13 +148,14 @@ fn seen_lines(
 
 /// A detection as a line that runs forward; none if fewer than two points are usable.
 fn seen_line(
-    detection: &Detection,
+    (number, detection): (usize, &Detection),
     place: impl Fn([f64; 3]) -> Option<[f64; 2]>,
 ) -> Option<SeenLine> {
     let mut points_m: Vec<[f64; 2]> = detection.points.iter().filter_map(|&p| place(p)).collect();
     points_m.sort_by(|a, b| a[0].total_cmp(&b[0]));
     points_m.dedup_by(|b, a| b[0] - a[0] < 1e-6);
     (points_m.len() >= 2).then_some(SeenLine {
+        detection: number,
         marking: detection.marking,
         color: detection.color,
         points_m,

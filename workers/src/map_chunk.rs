@@ -50,6 +50,18 @@ pub struct Evidence {
 /// # Errors
 /// The chunk has no trajectory: it is set aside as a whole.
 pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseError> {
+    map_chunk_traced(chunk, context, |_, _| {})
+}
+
+/// Maps one chunk, and shows every frame of its own window to `trace` as it is written down.
+///
+/// # Errors
+/// As [`map_chunk`].
+pub fn map_chunk_traced(
+    chunk: &Chunk,
+    context: &MapContext,
+    mut trace: impl FnMut(&Frame<'_>, &LocalMap<'_>),
+) -> Result<Evidence, PoseError> {
     let recording = &chunk.recording;
     let tree = FrameTree::new(&recording.static_transforms);
     let local_frame = Trajectory::anchor(recording)?;
@@ -95,6 +107,7 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
             registration: registrations[index],
             matches: &matches,
         };
+        trace(&frame, &map);
         ledger.add(&frame);
         if frame.is_anchored() {
             sightings.add(&frame, ways_m[index]);

@@ -6,7 +6,7 @@ use std::io::Read;
 use std::path::Path;
 
 use serde_json::{Map, Value};
-use tilefold_schemas::limits::MAX_POINTS_PER_ELEMENT;
+use tilefold_schemas::limits::{MAX_POINTS_PER_ELEMENT, MAX_TAG_BYTES};
 use tilefold_schemas::{ElementKind, Verdict};
 
 use super::{GeoJsonError, Shape, TruthChange};
@@ -121,6 +121,8 @@ fn change(feature: &Value) -> Result<TruthChange, Wrong> {
         )?,
         from_m,
         to_m,
+        detail: detail(properties)?,
+        since_ns: since_ns(properties)?,
         shape,
         points,
     })
@@ -165,6 +167,45 @@ fn station(properties: &Map<String, Value>, field: &'static str) -> Result<Optio
             format!("{} is not a station in metres, 0 or more", shown(value)),
         ),
     }
+}
+
+fn detail(properties: &Map<String, Value>) -> Result<Option<String>, Wrong> {
+    match properties.get("detail") {
+        None | Some(Value::Null) => Ok(None),
+        Some(Value::String(text)) if text.len() <= MAX_TAG_BYTES => Ok(Some(text.clone())),
+        Some(other) => wrong(
+            "detail",
+            format!(
+                "{} is not a text of at most {MAX_TAG_BYTES} bytes (MAX_TAG_BYTES)",
+                shown(other)
+            ),
+        ),
+    }
+}
+
+/// An instant as RFC 3339 text, or as nanoseconds since the Unix epoch.
+fn since_ns(properties: &Map<String, Value>) -> Result<Option<i64>, Wrong> {
+    let value = properties.get("since").unwrap_or(&Value::Null);
+    let read = match value {
+        Value::Null => return Ok(None),
+        Value::String(text) => rfc3339_ns(text),
+        other => other.as_i64(),
+    };
+    match read {
+        Some(since_ns) => Ok(Some(since_ns)),
+        None => wrong(
+            "since",
+            format!(
+                "{} is neither an RFC 3339 time (2026-03-02T06:00:00Z) nor nanoseconds since 1970",
+                shown(value)
+            ),
+        ),
+    }
+}
+
+fn rfc3339_ns(text: &str) -> Option<i64> {
+    let time = chrono::DateTime::parse_from_rfc3339(text).ok()?;
+    time.timestamp_nanos_opt()
 }
 
 fn geometry(value: &Value) -> Result<(Shape, Vec<[f64; 3]>), Wrong> {

@@ -22,6 +22,8 @@ use crate::receiver::Receiver;
 use crate::route;
 use crate::traffic::Traffic;
 
+/// Topic of the detections.
+pub(crate) const DETECTIONS_TOPIC: &str = "/perception/lanes";
 const MS: i64 = 1_000_000;
 const DAY_NS: i64 = 86_400_000 * MS;
 
@@ -83,7 +85,7 @@ impl Drive<'_> {
             0 => Dialect::Ros2,
             _ => Dialect::Foxglove,
         };
-        let vehicle = format!("city-{:04}", self.vehicle());
+        let vehicle = self.vehicle_id();
         let site = format!("simulated city, seed {}", self.city.spec.seed);
         let mut log = LogWriter::create(sink, dialect, &vehicle, [("site", site.as_str())])?;
         let mut matches = Vec::new();
@@ -97,6 +99,11 @@ impl Drive<'_> {
             })?;
         }
         Ok((log.finish()?, matches))
+    }
+
+    /// The vehicle's id in the log's metadata.
+    pub(crate) fn vehicle_id(&self) -> String {
+        format!("city-{:04}", self.vehicle())
     }
 
     fn vehicle(&self) -> u32 {
@@ -239,7 +246,7 @@ impl UnderWay<'_> {
                 detections: seen.into_iter().map(|seen| seen.detection).collect(),
             });
             frames.push(record(
-                "/perception/lanes",
+                DETECTIONS_TOPIC,
                 "base_link",
                 stamp_ns,
                 clock,

@@ -10,7 +10,7 @@ use tilefold_formats::map_write::write_lanelet2;
 use tilefold_schemas::element::Element;
 
 use crate::city::City;
-use crate::drive::{Drive, Match};
+use crate::drive::{DETECTIONS_TOPIC, Drive, Match};
 use crate::edit::{self, History};
 use crate::error::CityError;
 use crate::ground::Ground;
@@ -19,6 +19,9 @@ use crate::noise::NoiseProfile;
 use crate::spec::{CitySpec, Site};
 use crate::truth;
 use crate::world::{Paint, World};
+
+/// The matching truth's columns.
+const MATCHING_HEADER: &str = "vehicle,topic,stamp_ns,detection,element_id\n";
 
 /// Where a city's files are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,6 +36,8 @@ pub struct CityFiles {
     pub history: PathBuf,
     /// One log per drive (MCAP).
     pub logs: Vec<PathBuf>,
+    /// Which element every detection is of (CSV), if that was asked for.
+    pub matching: Option<PathBuf>,
 }
 
 /// Makes the city of `spec` and writes its files into the folder `out`, which is made if need be;
@@ -58,6 +63,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         after_map: out.join("after.osm"),
         truth: out.join("truth.geojson"),
         history: out.join("history.geojson"),
+        matching: spec.matching_truth.then(|| out.join("matching.csv")),
         logs: (0..spec.drives)
             .map(|index| logs_folder.join(format!("drive_{index:05}.mcap")))
             .collect(),
@@ -70,17 +76,18 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         noise,
         begin_ns: campaign.begin_ns,
     };
-    files
-        .logs
-        .par_iter()
-        .enumerate()
-        .try_for_each(|(index, path)| {
-            let drive = Drive {
-                city: &city,
-                index: index as u32,
-            };
-            write_log(path, &drive)
-        })?;
+    let drives = files.logs.par_iter().enumerate().map(|(index, path)| {
+        let drive = Drive {
+            city: &city,
+            index: index as u32,
+        };
+        write_log(path, &drive)
+    });
+    let tables: Vec<String> = drives.collect::<Result<_, _>>()?;
+    if let Some(path) = &files.matching {
+        let text = format!("{MATCHING_HEADER}{}", tables.concat());
+        fs::write(path, text).map_err(at(path))?;
+    }
     Ok(files)
 }
 
@@ -152,23 +159,23 @@ fn write_map(path: &Path, elements: &[Element], version: &str) -> Result<(), Cit
     finish(path, out)
 }
 
-fn write_log(path: &Path, drive: &Drive<'_>) -> Result<(), CityError> {
+/// Writes a drive's log and returns its part of the matching truth: empty if none is wanted.
+fn write_log(path: &Path, drive: &Drive<'_>) -> Result<String, CityError> {
     let out = BufWriter::new(File::create(path).map_err(at(path))?);
     let (out, matches) = drive.write(out).map_err(|source| CityError::Log {
         path: path.to_owned(),
         source,
     })?;
     finish(path, out)?;
-    if drive.city.spec.matching_truth {
-        let path = path.with_extension("matching.csv");
-        fs::write(&path, table(&matches)).map_err(at(&path))?;
+    match drive.city.spec.matching_truth {
+        true => Ok(table(&drive.vehicle_id(), &matches)),
+        false => Ok(String::new()),
     }
-    Ok(())
 }
 
 /// The matching truth of a drive.
-fn table(matches: &[Match]) -> String {
-    let mut text = String::from("stamp_ns,detection,element_id\n");
+fn table(vehicle: &str, matches: &[Match]) -> String {
+    let mut text = String::new();
     for Match {
         stamp_ns,
         detection,
@@ -177,7 +184,10 @@ fn table(matches: &[Match]) -> String {
     {
         let element = element.map_or_else(String::new, |id| id.to_string());
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{stamp_ns},{detection},{element}");
+        let _ = writeln!(
+            text,
+            "{vehicle},{DETECTIONS_TOPIC},{stamp_ns},{detection},{element}"
+        );
     }
     text
 }

@@ -179,7 +179,8 @@ pub(crate) enum Command {
         /// Version; the latest if not given.
         #[arg(long)]
         version: Option<i64>,
-        /// Fusion model; the evidence is folded anew where the version was made with the other.
+        /// Fusion model; the other one is shown beside it. The evidence is folded anew where the
+        /// version was not made with it; nothing is written.
         #[arg(long, value_enum, default_value_t)]
         model: ModelName,
         /// Least posterior of a claim (T_s).
@@ -188,6 +189,25 @@ pub(crate) enum Command {
         /// Least number of vehicles of a claim (V).
         #[arg(long, default_value_t = 5)]
         min_vehicles: i32,
+        /// Vehicles, drawn by lot, that are also judged alone (V = 1); 0 for none.
+        #[arg(long, default_value_t = 20)]
+        single_vehicles: usize,
+        /// Side of the places that are resampled for 95 % intervals, in metres.
+        #[arg(long, default_value_t = 500.0, value_parser = place_m)]
+        place_m: f64,
+        /// Seed of the resampling and of the lot.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// CSV that says which element each detection is of; its columns are in
+        /// docs/reference/evaluation.md. The map stage is run once more over `--logs` and compared.
+        #[arg(long, requires = "logs")]
+        matching: Option<PathBuf>,
+        /// MCAP files, or folders of them, for `--matching`.
+        #[arg(long, num_args = 1.., requires = "matching")]
+        logs: Vec<PathBuf>,
+        /// Folder for pictures: `reliability` and `sweep` as SVG and PNG.
+        #[arg(long)]
+        plots: Option<PathBuf>,
     },
     /// Prints completions for a shell.
     #[command(hide = true)]
@@ -249,6 +269,13 @@ pub(crate) enum ProfileName {
     Detections,
     /// Camera images.
     Camera,
+}
+
+fn place_m(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(side_m) if (1.0..=1e6).contains(&side_m) => Ok(side_m),
+        _ => Err("a side is 1 to 1000000 metres".to_owned()),
+    }
 }
 
 /// A secret of 32 bytes; not printed.

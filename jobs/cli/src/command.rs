@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use clap::CommandFactory;
 use serde::Serialize;
-use tilefold_engine::{
-    Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, records, run,
-};
+use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, plots};
+use tilefold_engine::{Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, run};
 use tilefold_formats::geojson::{read_changes_file, write_changes};
+use tilefold_formats::matching_truth::MatchingTruth;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
     ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting, Verdict,
@@ -19,7 +19,7 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{demo, progress, simulate, table};
+use crate::{demo, evaluation, progress, simulate, table};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -69,19 +69,31 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             model,
             threshold,
             min_vehicles,
+            single_vehicles,
+            place_m,
+            seed,
+            matching,
+            logs,
+            plots,
         } => {
-            let criteria = Criteria {
-                threshold: *threshold,
-                min_vehicles: *min_vehicles,
+            let options = Options {
+                criteria: Criteria {
+                    threshold: *threshold,
+                    min_vehicles: *min_vehicles,
+                },
+                place_m: *place_m,
+                single_vehicles: *single_vehicles,
+                seed: *seed,
             };
-            score(
-                args,
+            let asked = Asked {
                 store,
-                truth.as_deref(),
-                *version,
-                (*model).into(),
-                criteria,
-            )
+                truth: truth.as_deref(),
+                version: *version,
+                model: (*model).into(),
+                matching: matching.as_deref().map(|truth| (truth, logs.as_slice())),
+                plots: plots.as_deref(),
+            };
+            score(args, &asked, &options)
         }
         Command::Completions { shell } => {
             let mut command = Args::command();
@@ -372,24 +384,54 @@ fn export(
     Ok(Outcome::Done)
 }
 
+/// What `evaluate` is asked to score.
+pub(crate) struct Asked<'a> {
+    /// The store.
+    pub(crate) store: &'a Path,
+    /// Its true changes; none: nothing has changed.
+    pub(crate) truth: Option<&'a Path>,
+    /// Version; the latest if not given.
+    pub(crate) version: Option<i64>,
+    /// Fusion model.
+    pub(crate) model: FusionModel,
+    /// Which element each detection is of, and the logs with the detections.
+    pub(crate) matching: Option<(&'a Path, &'a [PathBuf])>,
+    /// Folder for pictures.
+    pub(crate) plots: Option<&'a Path>,
+}
+
 /// `evaluate`.
 ///
 /// # Errors
-/// The store or the truth cannot be read.
-pub(crate) fn score(
-    args: &Args,
-    store: &Path,
-    truth: Option<&Path>,
-    version: Option<i64>,
-    model: FusionModel,
-    criteria: Criteria,
-) -> Result<Outcome> {
-    let snapshot = open(store, version)?;
-    let truth = truth
-        .map(read_changes_file)
-        .transpose()?
-        .unwrap_or_default();
-    let evaluation = evaluate(&records(&snapshot, model)?, &truth, model, criteria);
-    print(args, &evaluation, table::evaluation)?;
+/// The store or the truth cannot be read, or the pictures not be written.
+pub(crate) fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result<Outcome> {
+    let snapshot = open(asked.store, asked.version)?;
+    let truth = asked.truth.map(read_changes_file).transpose()?;
+    let subject = Subject {
+        refold: &Refold::read(&snapshot)?,
+        truth: &truth.unwrap_or_default(),
+    };
+    let mut evaluation = evaluate(&[subject], asked.model, options)?;
+    if let Some((truth, logs)) = asked.matching {
+        let drives = Drives {
+            snapshot: &snapshot,
+            logs,
+            truth: &MatchingTruth::read_file(truth)?,
+        };
+        let progress = progress::listener(args.progress);
+        evaluation.matching = Some(matching(&[drives], progress.as_ref())?);
+    }
+    if let Some(folder) = asked.plots {
+        let written = plots::write(folder, &evaluation).map_err(|error| {
+            format!(
+                "cannot write pictures to {}: {error}; check the disk and the folder's rights",
+                folder.display()
+            )
+        })?;
+        for file in written {
+            eprintln!("wrote {}", file.display());
+        }
+    }
+    print(args, &evaluation, evaluation::words)?;
     Ok(Outcome::Done)
 }

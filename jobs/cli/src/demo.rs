@@ -4,10 +4,11 @@ use std::error::Error;
 use std::path::Path;
 
 use tilefold_city::CitySpec;
-use tilefold_engine::{Criteria, FusionModel, InitOptions};
+use tilefold_engine::evaluate::Options;
+use tilefold_engine::{FusionModel, InitOptions};
 
 use crate::args::Args;
-use crate::command::{init_store, run_logs, score};
+use crate::command::{Asked, init_store, run_logs, score};
 use crate::report::Outcome;
 
 /// Makes the city, runs the job on it and scores both folds.
@@ -31,16 +32,15 @@ pub(crate) fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dy
     };
     init_store(args, &store, &[city.before_map], &options)?;
     let outcome = run_logs(args, &store, &city.logs, FusionModel::Calibrated)?;
-    for model in [FusionModel::Paper, FusionModel::Calibrated] {
-        score(
-            args,
-            &store,
-            Some(&city.truth),
-            None,
-            model,
-            Criteria::default(),
-        )?;
-    }
+    let asked = Asked {
+        store: &store,
+        truth: Some(&city.truth),
+        version: None,
+        model: FusionModel::Calibrated,
+        matching: None,
+        plots: None,
+    };
+    score(args, &asked, &Options::default())?;
     eprintln!(
         "the store is {}; try `tilefold show` and `tilefold export --format geojson` on it",
         store.display()

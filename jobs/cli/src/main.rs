@@ -3,6 +3,7 @@
 mod args;
 mod command;
 mod demo;
+mod evaluation;
 mod progress;
 mod report;
 mod simulate;

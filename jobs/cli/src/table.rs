@@ -1,10 +1,11 @@
 //! Tables for people.
 
 use comfy_table::{Cell, CellAlignment, Table, TableStyle};
-use tilefold_engine::evaluate::{Evaluation, Score};
 use tilefold_engine::{RunReport, StageReport};
 
-fn table(header: &[&str]) -> Table {
+/// An empty table under a header.
+#[must_use]
+pub(crate) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table
         .load_style(TableStyle::new())
@@ -12,7 +13,9 @@ fn table(header: &[&str]) -> Table {
     table
 }
 
-fn right(text: impl ToString) -> Cell {
+/// A cell set to the right, for numbers.
+#[must_use]
+pub(crate) fn right(text: impl ToString) -> Cell {
     Cell::new(text.to_string()).set_alignment(CellAlignment::Right)
 }
 
@@ -71,75 +74,5 @@ pub(crate) fn run(report: &RunReport) -> String {
         report.duplicate_messages,
         report.tiles_reduced,
         report.wall_s,
-    )
-}
-
-fn share(value: Option<f64>) -> Cell {
-    right(value.map_or("-".to_owned(), |value| format!("{value:.3}")))
-}
-
-/// An evaluation.
-#[must_use]
-pub(crate) fn evaluation(evaluation: &Evaluation) -> String {
-    let mut scores = table(&[
-        "change",
-        "true",
-        "claimed",
-        "right",
-        "precision",
-        "recall",
-        "F1",
-    ]);
-    let mut add = |name: &str, score: &Score| {
-        scores.add_row([
-            Cell::new(name),
-            right(score.truth),
-            right(score.claimed),
-            right(score.right),
-            share(score.precision),
-            share(score.recall),
-            share(score.f1),
-        ]);
-    };
-    for (name, score) in &evaluation.change.by_type {
-        add(name, score);
-    }
-    add("all", &evaluation.change.all);
-    let others = evaluation
-        .outcomes
-        .iter()
-        .filter(|outcome| outcome.outcome != "right");
-    let others = rows(
-        &["", "change", "element", "posterior", "vehicles", "said"],
-        others.map(|outcome| {
-            vec![
-                outcome.outcome.to_owned(),
-                outcome.change_type.to_owned(),
-                outcome
-                    .element_id
-                    .map_or("-".to_owned(), |id| id.to_string()),
-                outcome
-                    .posterior
-                    .map_or("-".to_owned(), |p| format!("{p:.3}")),
-                outcome.vehicles.map_or("-".to_owned(), |v| v.to_string()),
-                outcome.said.clone().unwrap_or_default(),
-            ]
-        }),
-    );
-    format!(
-        "fold {} at T >= {}, V >= {}\n{scores}\n\nunchanged elements judged {}, claimed changed {}\nECE {}, Brier {}\n\n{others}",
-        evaluation.fusion_model,
-        evaluation.threshold,
-        evaluation.min_vehicles,
-        evaluation.control.judged,
-        evaluation.control.claimed,
-        evaluation
-            .calibration
-            .ece
-            .map_or("-".to_owned(), |v| format!("{v:.3}")),
-        evaluation
-            .calibration
-            .brier
-            .map_or("-".to_owned(), |v| format!("{v:.3}")),
     )
 }

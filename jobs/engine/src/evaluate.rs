@@ -1,118 +1,123 @@
 //! `evaluate`: claimed changes against known ones (method.md, section 11).
 //!
-//! A claim is right if its type and kind agree with a true change, it lies within 1 m of it (or
-//! on the same element), and it overlaps at least half of it. Each true change is found by at most
-//! one claim; a second claim of the same change is wrong.
+//! [`Refold`] gives the change records of a version under either fusion model, of the fleet or of
+//! one vehicle alone. `claim` says which of them claim anything, `known` which places of a true
+//! change a claim covers, and `pair` what is counted as found and what as wrong. `change` makes
+//! scores of the counts, with intervals that `bootstrap` takes over the `place`s; `calibration`,
+//! `geometry` and `outcome` say how good the probabilities and the lines are, and name every
+//! failure. [`plots`] draws it. [`matching()`] is apart: it needs the logs.
 
-use std::collections::BTreeMap;
+mod bootstrap;
+mod calibration;
+mod change;
+mod claim;
+mod geometry;
+mod known;
+mod matching;
+mod outcome;
+mod pair;
+mod place;
+pub mod plots;
+mod refold;
+mod score;
+mod single;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeSet;
 
 use serde::Serialize;
 use tilefold_formats::geojson::TruthChange;
 use tilefold_reducers::FusionModel;
-use tilefold_schemas::{ChangeRecord, Verdict, wkb};
-use tilefold_tiler::geodesy::LocalFrame;
-use tilefold_tiler::station::Polyline;
+use tilefold_schemas::{ChangeRecord, wkb};
 
-/// A claim lies on a change if it is this near, in metres.
-const NEAR_M: f64 = 1.0;
-/// A claim finds a change if it covers at least this share of it.
-const COVERED_SHARE: f64 = 0.5;
-/// Places along a line at which nearness is tried.
-const SAMPLES: usize = 40;
-/// Bins of the expected calibration error.
-const BINS: usize = 15;
+use crate::error::EngineError;
 
-/// What counts as a claim.
+pub use calibration::{BINS, Bin, Calibration, Control};
+pub use change::{ChangeScores, Metres, SWEEP, SweepPoint, TypeScores};
+pub use claim::Criteria;
+pub use geometry::GeometryErrors;
+pub use matching::{Drives, Matching, matching};
+pub use outcome::Outcome;
+pub use refold::Refold;
+pub use score::{Found, Interval, Score};
+pub use single::SingleVehicle;
+
+use bootstrap::{RESAMPLES, Resamples};
+use change::Network;
+use known::Known;
+use pair::Laid;
+use place::{Grid, Place};
+
+/// How an evaluation is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Criteria {
-    /// Least posterior of the claimed type (T_s).
-    pub threshold: f64,
-    /// Least number of vehicles (V).
-    pub min_vehicles: i32,
+pub struct Options {
+    /// What counts as a claim.
+    pub criteria: Criteria,
+    /// Side of the places that are resampled for intervals, metres.
+    pub place_m: f64,
+    /// Vehicles that are also judged alone; 0 for none.
+    pub single_vehicles: usize,
+    /// Seed of the resampling and of the sample of vehicles.
+    pub seed: u64,
 }
 
-impl Default for Criteria {
+impl Default for Options {
     fn default() -> Self {
         Self {
-            threshold: 0.85,
-            min_vehicles: 5,
+            criteria: Criteria::default(),
+            place_m: 500.0,
+            single_vehicles: 20,
+            seed: 1,
         }
     }
 }
 
-/// Precision and recall of one kind of change.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Score {
-    /// True changes.
-    pub truth: usize,
-    /// Claims.
-    pub claimed: usize,
-    /// Claims that are right.
-    pub right: usize,
-    /// Share of claims that are right; null without claims.
-    pub precision: Option<f64>,
-    /// Share of true changes that were claimed; null without any.
-    pub recall: Option<f64>,
-    /// Harmonic mean of both; null where one of them is, or both are 0.
-    pub f1: Option<f64>,
+/// A road network that is evaluated: its evidence and its true changes.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// Layers and evidence of a version.
+    pub refold: &'a Refold,
+    /// What really changed.
+    pub truth: &'a [TruthChange],
 }
 
-/// Scores over all types and by type.
+/// How intervals were made.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Resampling {
+    /// Side of the places, metres.
+    pub place_m: f64,
+    /// Places.
+    pub places: usize,
+    /// Resamples.
+    pub resamples: usize,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// What one fusion model achieves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ChangeScores {
-    /// All types together.
+pub struct Findings {
+    /// Change detection.
+    pub change: ChangeScores,
+    /// Calibration of P(change).
+    pub calibration: Calibration,
+    /// Geometry.
+    pub geometry: GeometryErrors,
+    /// Unchanged elements.
+    pub control: Control,
+    /// Single vehicles; null where none were asked for.
+    pub single_vehicle: Option<SingleVehicle>,
+}
+
+/// The other fusion model on the same evidence.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OtherModel {
+    /// Its name.
+    pub fusion_model: &'static str,
+    /// What it achieves.
     #[serde(flatten)]
-    pub all: Score,
-    /// By type of change.
-    pub by_type: BTreeMap<&'static str, Score>,
-}
-
-/// How well probabilities are kept, over judged elements.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Calibration {
-    /// Expected calibration error over 15 bins; null without judged elements.
-    pub ece: Option<f64>,
-    /// Mean squared error of P(change); null without judged elements.
-    pub brier: Option<f64>,
-}
-
-/// Errors of claimed geometry against the true one.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct GeometryErrors {
-    /// Median lateral distance of right additions from the true line, metres.
-    pub added_lateral_median_m: Option<f64>,
-    /// Its 95th percentile.
-    pub added_lateral_p95_m: Option<f64>,
-}
-
-/// Claims on elements that the truth does not mention.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Control {
-    /// Unchanged elements with enough vehicles to be judged.
-    pub judged: usize,
-    /// Of these, claimed as changed.
-    pub claimed: usize,
-}
-
-/// A claim and what became of it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Outcome {
-    /// `right`, `wrong` or `missed`.
-    pub outcome: &'static str,
-    /// Type of change.
-    pub change_type: &'static str,
-    /// Element id; null for an addition.
-    pub element_id: Option<i64>,
-    /// Change id, in hexadecimal; null for a missed change.
-    pub change: Option<String>,
-    /// Posterior of the claimed type; for a missed change, what its element got for its type.
-    pub posterior: Option<f64>,
-    /// Vehicles that looked.
-    pub vehicles: Option<i32>,
-    /// First vertex, `[longitude_deg, latitude_deg]`.
-    pub at: Option<[f64; 2]>,
-    /// What was said instead of a missed change.
-    pub said: Option<String>,
+    pub findings: Findings,
 }
 
 /// An evaluation.
@@ -124,324 +129,177 @@ pub struct Evaluation {
     pub threshold: f64,
     /// V.
     pub min_vehicles: i32,
-    /// Change detection.
-    pub change: ChangeScores,
-    /// Matching against truth ids; null: the truth has none.
-    pub matching: Option<()>,
-    /// Calibration of P(change).
-    pub calibration: Calibration,
-    /// Geometry.
-    pub geometry: GeometryErrors,
-    /// Unchanged elements.
-    pub control: Control,
+    /// What it achieves.
+    #[serde(flatten)]
+    pub findings: Findings,
+    /// Matching against truth ids, as [`matching()`] gives it; null where there are none.
+    pub matching: Option<Matching>,
+    /// The other fusion model.
+    pub other_model: OtherModel,
+    /// How intervals were made.
+    pub resampling: Resampling,
     /// Every claim and every missed change.
     pub outcomes: Vec<Outcome>,
 }
 
-/// The verdict of a record and its posterior.
-fn claim(record: &ChangeRecord) -> Option<(Verdict, f64)> {
-    let verdict = Verdict::from_code(record.verdict)?;
-    let posterior = match verdict {
-        Verdict::Added => record.p_added,
-        Verdict::Removed => record.p_removed,
-        Verdict::Modified => record.p_modified,
-        _ => return None,
-    };
-    Some((verdict, posterior))
-}
-
-fn is_claimed(record: &ChangeRecord, criteria: Criteria) -> bool {
-    record.vehicles >= criteria.min_vehicles
-        && claim(record).is_some_and(|(_, posterior)| posterior >= criteria.threshold)
-}
-
-/// Scores `records` against `truth`.
-#[must_use]
+/// Scores road networks together, under `model` and under the other one.
+///
+/// # Errors
+/// Evidence cannot be folded.
 pub fn evaluate(
-    records: &[ChangeRecord],
-    truth: &[TruthChange],
+    subjects: &[Subject<'_>],
     model: FusionModel,
-    criteria: Criteria,
-) -> Evaluation {
-    let mut claims: Vec<&ChangeRecord> = records
+    options: &Options,
+) -> Result<Evaluation, EngineError> {
+    let other = match model {
+        FusionModel::Paper => FusionModel::Calibrated,
+        FusionModel::Calibrated => FusionModel::Paper,
+    };
+    let all_known: Vec<Vec<Known<'_>>> = subjects
         .iter()
-        .filter(|record| is_claimed(record, criteria))
+        .map(|subject| subject.truth.iter().map(Known::new).collect())
         .collect();
-    // The surest claim finds a change first.
-    claims.sort_by(|a, b| {
-        let sure = |record: &ChangeRecord| claim(record).map_or(0.0, |(_, posterior)| posterior);
-        sure(b).total_cmp(&sure(a)).then(a.change.cmp(&b.change))
-    });
-    let found = assign(&claims, truth);
-    let right = |index: usize| found.iter().any(|&(claim, _)| claim == index);
-    let by_type = [Verdict::Added, Verdict::Removed, Verdict::Modified].map(|verdict| {
-        let claimed = |index: &usize| claims[*index].verdict == verdict.code();
-        let of_type: Vec<usize> = (0..claims.len()).filter(claimed).collect();
-        let score = score(
-            truth
-                .iter()
-                .filter(|change| change.change_type == verdict)
-                .count(),
-            of_type.len(),
-            of_type.iter().filter(|&&index| right(index)).count(),
-        );
-        (verdict.name(), score)
-    });
-    let outcomes = outcomes(&claims, truth, &found, records);
-    Evaluation {
+    let trial = Trial {
+        subjects,
+        all_known: &all_known,
+        options,
+    };
+    let (findings, resampling, outcomes) = trial.judge(model)?;
+    let (others, _, _) = trial.judge(other)?;
+    Ok(Evaluation {
         fusion_model: model.name(),
-        threshold: criteria.threshold,
-        min_vehicles: criteria.min_vehicles,
-        change: ChangeScores {
-            all: score(truth.len(), claims.len(), found.len()),
-            by_type: by_type.into_iter().collect(),
-        },
+        threshold: options.criteria.threshold,
+        min_vehicles: options.criteria.min_vehicles,
+        findings,
         matching: None,
-        calibration: calibration(records, truth, criteria),
-        geometry: geometry(&claims, truth, &found),
-        control: control(records, truth, criteria),
+        other_model: OtherModel {
+            fusion_model: other.name(),
+            findings: others,
+        },
+        resampling,
         outcomes,
-    }
-}
-
-fn score(truth: usize, claimed: usize, right: usize) -> Score {
-    let share = |of: usize| (of > 0).then(|| right as f64 / of as f64);
-    let (precision, recall) = (share(claimed), share(truth));
-    let f1 = precision
-        .zip(recall)
-        .filter(|(p, r)| p + r > 0.0)
-        .map(|(p, r)| 2.0 * p * r / (p + r));
-    Score {
-        truth,
-        claimed,
-        right,
-        precision,
-        recall,
-        f1,
-    }
-}
-
-/// Pairs of (claim, true change), each used once.
-fn assign(claims: &[&ChangeRecord], truth: &[TruthChange]) -> Vec<(usize, usize)> {
-    let mut is_found = vec![false; truth.len()];
-    let mut pairs = Vec::new();
-    for (index, claim) in claims.iter().enumerate() {
-        let hit = (0..truth.len()).find(|&t| !is_found[t] && agrees(claim, &truth[t]));
-        if let Some(hit) = hit {
-            is_found[hit] = true;
-            pairs.push((index, hit));
-        }
-    }
-    pairs
-}
-
-fn agrees(claim: &ChangeRecord, change: &TruthChange) -> bool {
-    if claim.verdict != change.change_type.code() || claim.kind != change.kind.code() {
-        return false;
-    }
-    if claim.element.is_some() && claim.element == change.element_id {
-        return overlap_of_stations(claim, change) >= COVERED_SHARE;
-    }
-    let geometry = match change.change_type {
-        Verdict::Removed => &claim.geometry_old,
-        _ => &claim.geometry_new,
-    };
-    let read = geometry.as_deref().and_then(|bytes| wkb::read(bytes).ok());
-    read.is_some_and(|geometry| covered_share(&change.points, &geometry.points) >= COVERED_SHARE)
-}
-
-/// Share of the true stretch that the claim covers, by station.
-fn overlap_of_stations(claim: &ChangeRecord, change: &TruthChange) -> f64 {
-    let from = change.from_m.unwrap_or(0.0);
-    let to = change
-        .to_m
-        .or_else(|| {
-            Polyline::of_element(&change.points)
-                .ok()
-                .map(|(_, line)| line.length_m())
-        })
-        .unwrap_or(claim.to_m);
-    let common = claim.to_m.min(to) - claim.from_m.max(from);
-    if to > from {
-        (common / (to - from)).max(0.0)
-    } else {
-        1.0
-    }
-}
-
-/// Distances of places along `line` from `other`, in metres; none if either is no line.
-fn distances_m(line: &[[f64; 3]], other: &[[f64; 3]]) -> Option<Vec<f64>> {
-    let anchor = *line.first()?;
-    let frame = LocalFrame::new([anchor[0], anchor[1], 0.0]);
-    let plane = |points: &[[f64; 3]]| {
-        let flat = points
-            .iter()
-            .map(|&[lon, lat, _]| frame.to_enu([lon, lat, 0.0]));
-        Polyline::new(flat.collect::<Vec<_>>()).ok()
-    };
-    let (line, other) = (plane(line)?, plane(other)?);
-    let step_m = line.length_m() / SAMPLES as f64;
-    let places = (0..SAMPLES).map(|i| line.at((i as f64 + 0.5) * step_m).point);
-    Some(
-        places
-            .map(|[east, north, _]| other.project([east, north]).distance_m)
-            .collect(),
-    )
-}
-
-fn covered_share(truth: &[[f64; 3]], claim: &[[f64; 3]]) -> f64 {
-    distances_m(truth, claim).map_or(0.0, |distances| {
-        let near = distances
-            .iter()
-            .filter(|distance| **distance <= NEAR_M)
-            .count();
-        near as f64 / distances.len() as f64
     })
 }
 
-fn is_true_of(element: i64, truth: &[TruthChange]) -> bool {
-    truth
-        .iter()
-        .any(|change| change.element_id == Some(element) && change.change_type != Verdict::Added)
+/// Networks with their truth.
+struct Trial<'a> {
+    subjects: &'a [Subject<'a>],
+    all_known: &'a [Vec<Known<'a>>],
+    options: &'a Options,
 }
 
-/// P(change) of every judged element with whether it changed.
-fn judged<'a>(
-    records: &'a [ChangeRecord],
-    truth: &'a [TruthChange],
-    criteria: Criteria,
-) -> BTreeMap<i64, (f64, bool, bool)> {
-    let mut elements: BTreeMap<i64, (f64, bool, bool)> = BTreeMap::new();
-    for record in records {
-        let Some(element) = record.element else {
-            continue;
-        };
-        if record.vehicles < criteria.min_vehicles {
-            continue;
+impl Trial<'_> {
+    fn grid(&self, network: usize) -> Grid {
+        Grid {
+            network,
+            side_m: self.options.place_m,
         }
-        let entry = elements
-            .entry(element)
-            .or_insert((0.0, is_true_of(element, truth), false));
-        entry.0 = entry.0.max(1.0 - record.p_no_change);
-        entry.2 |= is_claimed(record, criteria);
     }
-    elements
-}
 
-fn control(records: &[ChangeRecord], truth: &[TruthChange], criteria: Criteria) -> Control {
-    let judged = judged(records, truth, criteria);
-    let unchanged = || judged.values().filter(|(_, changed, _)| !changed);
-    Control {
-        judged: unchanged().count(),
-        claimed: unchanged().filter(|(_, _, claimed)| *claimed).count(),
-    }
-}
-
-fn calibration(records: &[ChangeRecord], truth: &[TruthChange], criteria: Criteria) -> Calibration {
-    let judged = judged(records, truth, criteria);
-    let count = judged.len() as f64;
-    if judged.is_empty() {
-        return Calibration {
-            ece: None,
-            brier: None,
+    fn judge(
+        &self,
+        model: FusionModel,
+    ) -> Result<(Findings, Resampling, Vec<Outcome>), EngineError> {
+        let criteria = self.options.criteria;
+        let folded = self
+            .subjects
+            .iter()
+            .map(|subject| subject.refold.of_fleet(model));
+        let records: Vec<Vec<ChangeRecord>> = folded.collect::<Result<_, _>>()?;
+        let networks: Vec<Network<'_>> = (records.iter().zip(self.all_known).enumerate())
+            .map(|(index, (records, known))| Network {
+                grid: self.grid(index),
+                known,
+                in_view: vec![true; known.len()],
+                laid: Laid::new(records, known, above_sweep(criteria)),
+            })
+            .collect();
+        let places = change::places(&networks, &self.looked_at(&records));
+        let resamples = Resamples::draw(&places, self.options.seed);
+        let judged: Vec<calibration::Judged> = (records.iter().zip(self.subjects))
+            .flat_map(|(records, subject)| calibration::judged(records, subject.truth, criteria))
+            .collect();
+        let findings = Findings {
+            change: change::score(&networks, criteria.threshold, &resamples),
+            calibration: calibration::calibration(&judged),
+            geometry: geometry::geometry(&networks, criteria.threshold),
+            control: calibration::control(&judged),
+            single_vehicle: self.single_vehicle(model, &resamples),
         };
+        let resampling = Resampling {
+            place_m: self.options.place_m,
+            places: places.len(),
+            resamples: RESAMPLES,
+            seed: self.options.seed,
+        };
+        let outcomes = (networks.iter().zip(&records))
+            .flat_map(|(network, records)| outcome::outcomes(network, criteria.threshold, records))
+            .collect();
+        Ok((findings, resampling, outcomes))
     }
-    let mut bins = [(0.0, 0.0, 0.0); BINS];
-    let mut brier = 0.0;
-    for (p, changed, _) in judged.values() {
-        let label = f64::from(u8::from(*changed));
-        let bin = &mut bins[((p * BINS as f64) as usize).min(BINS - 1)];
-        *bin = (bin.0 + 1.0, bin.1 + p, bin.2 + label);
-        brier += (p - label) * (p - label) / count;
-    }
-    let ece = bins
-        .iter()
-        .map(|(_, p, label)| (p - label).abs() / count)
-        .sum();
-    Calibration {
-        ece: Some(ece),
-        brier: Some(brier),
-    }
-}
 
-fn geometry(
-    claims: &[&ChangeRecord],
-    truth: &[TruthChange],
-    found: &[(usize, usize)],
-) -> GeometryErrors {
-    let mut errors: Vec<f64> = found
-        .iter()
-        .filter(|&&(_, change)| truth[change].change_type == Verdict::Added)
-        .filter_map(|&(claim, change)| {
-            let geometry = wkb::read(claims[claim].geometry_new.as_deref()?).ok()?;
-            distances_m(&geometry.points, &truth[change].points)
+    /// Places with an element or a candidate.
+    fn looked_at(&self, records: &[Vec<ChangeRecord>]) -> BTreeSet<Place> {
+        let mut places = BTreeSet::new();
+        for (index, records) in records.iter().enumerate() {
+            let grid = self.grid(index);
+            for record in records {
+                let bytes = record
+                    .geometry_old
+                    .as_ref()
+                    .or(record.geometry_new.as_ref());
+                let geometry = bytes.and_then(|bytes| wkb::read(bytes).ok());
+                places.extend(geometry.map(|geometry| grid.of_points(&geometry.points)));
+            }
+        }
+        places
+    }
+
+    fn single_vehicle(&self, model: FusionModel, resamples: &Resamples) -> Option<SingleVehicle> {
+        if self.options.single_vehicles == 0 {
+            return None;
+        }
+        let criteria = Criteria {
+            min_vehicles: 1,
+            ..self.options.criteria
+        };
+        let mut alone = Vec::new();
+        for (index, subject) in self.subjects.iter().enumerate() {
+            let vehicles = single::sample(
+                subject.refold.vehicles(),
+                self.options.single_vehicles,
+                self.options.seed,
+            );
+            for vehicle in vehicles {
+                let looks = subject.refold.looks_of(vehicle);
+                let known = self.all_known[index].iter();
+                let in_view: Vec<bool> = known
+                    .map(|known| single::is_in_view(known, &looks))
+                    .collect();
+                alone.push((index, in_view, subject.refold.of_one(model, vehicle)));
+            }
+        }
+        let networks: Vec<Network<'_>> = alone
+            .iter()
+            .map(|(index, in_view, records)| Network {
+                grid: self.grid(*index),
+                known: &self.all_known[*index],
+                in_view: in_view.clone(),
+                laid: Laid::new(records, &self.all_known[*index], above_sweep(criteria)),
+            })
+            .collect();
+        Some(SingleVehicle {
+            vehicles: alone.len(),
+            change: change::score(&networks, criteria.threshold, resamples),
         })
-        .flatten()
-        // Where the claim runs on beyond the true line, distance is not lateral.
-        .filter(|distance| *distance <= NEAR_M)
-        .collect();
-    errors.sort_by(f64::total_cmp);
-    let quantile = |q: f64| {
-        errors
-            .get(((errors.len() as f64 * q) as usize).min(errors.len().saturating_sub(1)))
-            .copied()
-    };
-    GeometryErrors {
-        added_lateral_median_m: quantile(0.5),
-        added_lateral_p95_m: quantile(0.95),
     }
 }
 
-fn outcomes(
-    claims: &[&ChangeRecord],
-    truth: &[TruthChange],
-    found: &[(usize, usize)],
-    records: &[ChangeRecord],
-) -> Vec<Outcome> {
-    let claimed = claims.iter().enumerate().map(|(index, record)| {
-        let (verdict, posterior) = claim(record).unwrap_or((Verdict::Unknown, 0.0));
-        let is_right = found.iter().any(|&(claim, _)| claim == index);
-        let geometry = record
-            .geometry_new
-            .as_ref()
-            .or(record.geometry_old.as_ref());
-        Outcome {
-            outcome: if is_right { "right" } else { "wrong" },
-            change_type: verdict.name(),
-            element_id: record.element,
-            change: Some(format!("{:016x}", record.change)),
-            posterior: Some(posterior),
-            vehicles: Some(record.vehicles),
-            at: geometry
-                .and_then(|bytes| wkb::read(bytes).ok())
-                .and_then(|geometry| geometry.points.first().map(|p| [p[0], p[1]])),
-            said: None,
-        }
-    });
-    let missed = truth.iter().enumerate().filter_map(|(index, change)| {
-        let is_found = found.iter().any(|&(_, found)| found == index);
-        (!is_found).then(|| missed(change, records))
-    });
-    claimed.chain(missed).collect()
-}
-
-fn missed(change: &TruthChange, records: &[ChangeRecord]) -> Outcome {
-    let said = records
-        .iter()
-        .find(|record| record.element.is_some() && record.element == change.element_id);
-    Outcome {
-        outcome: "missed",
-        change_type: change.change_type.name(),
-        element_id: change.element_id,
-        change: None,
-        posterior: said.map(|record| match change.change_type {
-            Verdict::Removed => record.p_removed,
-            _ => record.p_modified,
-        }),
-        vehicles: said.map(|record| record.vehicles),
-        at: change.points.first().map(|p| [p[0], p[1]]),
-        said: said
-            .and_then(|record| Verdict::from_code(record.verdict))
-            .map(|verdict| verdict.name().to_owned()),
+/// The criteria under which everything counts that any threshold of the sweep lets through.
+fn above_sweep(criteria: Criteria) -> Criteria {
+    let least = SWEEP.into_iter().fold(criteria.threshold, f64::min);
+    Criteria {
+        threshold: least,
+        ..criteria
     }
 }

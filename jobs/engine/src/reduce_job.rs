@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
-use tilefold_reducers::{FusionModel, TileInput, candidates, reduce_tile};
+use tilefold_reducers::{Fold, TileInput, candidates, reduce_tile};
 use tilefold_schemas::{
     ChangeRecord, EvidenceRow, Footprint, LayerHeader, Sighting, TileId, Verdict,
 };
@@ -30,9 +30,9 @@ pub fn additions(
     footprints: &[Footprint],
     map: &MapIndex,
     tile_level: u32,
-    model: FusionModel,
+    fold: Fold,
 ) -> Vec<ChangeRecord> {
-    candidates::judge(sightings, footprints, map, tile_level, model.name())
+    candidates::judge(sightings, footprints, map, tile_level, fold)
 }
 
 /// Reduces `tiles`: all that they own of elements, rows and additions.
@@ -44,7 +44,7 @@ pub fn reduce_tiles(
     elements: &[MappedElement],
     rows: &[EvidenceRow],
     additions: &[ChangeRecord],
-    model: FusionModel,
+    fold: Fold,
     meter: &Meter,
     progress: &dyn Progress,
 ) -> Result<Vec<Layer>, EngineError> {
@@ -71,7 +71,7 @@ pub fn reduce_tiles(
     let layers = inputs
         .into_par_iter()
         .map(|(tile, input)| {
-            let layer = meter.time(Stage::Reduce, || layer(tile, &input, model));
+            let layer = meter.time(Stage::Reduce, || layer(tile, &input, fold));
             meter.count(Stage::Reduce, 1, 0);
             progress.advance(Stage::Reduce, 1, 0);
             layer
@@ -81,8 +81,8 @@ pub fn reduce_tiles(
     layers
 }
 
-fn layer(tile: TileId, input: &TileInput<'_>, model: FusionModel) -> Result<Layer, EngineError> {
-    let records = reduce_tile(input, model);
+fn layer(tile: TileId, input: &TileInput<'_>, fold: Fold) -> Result<Layer, EngineError> {
+    let records = reduce_tile(input, fold);
     let rows: Vec<EvidenceRow> = input.rows.iter().map(|row| (*row).clone()).collect();
     let as_of_ns = rows.iter().map(|row| row.last_ns).max().unwrap_or(0);
     let count = |verdict: Verdict| {
@@ -96,7 +96,7 @@ fn layer(tile: TileId, input: &TileInput<'_>, model: FusionModel) -> Result<Laye
             tile: tile.0,
             digest: digest_rows(records.clone())?,
             evidence_digest: digest_rows(rows)?,
-            fusion_model: model.name().to_owned(),
+            fusion_model: fold.model.name().to_owned(),
             as_of_ns,
             no_change: count(Verdict::NoChange),
             added: count(Verdict::Added),

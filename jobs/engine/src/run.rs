@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use tilefold_reducers::FusionModel;
+use tilefold_reducers::{Fold, FusionModel};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
     ChangeRecord, ChunkId, ChunkRow, EvidenceRow, Footprint, LayerHeader, SetAside, Sighting,
@@ -254,14 +254,9 @@ impl Update<'_> {
         chunks.extend(kept);
         transaction.overwrite(chunks)?;
 
+        let fold = Fold::of_fleet(self.model);
         let additions = self.meter.time(Stage::Reduce, || {
-            additions(
-                &sightings,
-                &footprints,
-                self.map,
-                self.tile_level,
-                self.model,
-            )
+            additions(&sightings, &footprints, self.map, self.tile_level, fold)
         });
         let tiles = self.dirty_tiles(&base, &touched, &additions)?;
         let rows = self.rows_of(&base, &tiles, &touched, rows)?;
@@ -270,7 +265,7 @@ impl Update<'_> {
             self.map.elements(),
             &rows,
             &additions,
-            self.model,
+            fold,
             self.meter,
             self.progress,
         )?;
@@ -404,41 +399,4 @@ fn write_layers(
     transaction.replace_tiles(tiles, records.into_iter().flatten().collect())?;
     transaction.replace_tiles(tiles, headers)?;
     Ok(())
-}
-
-/// All change records of a version under a fusion model; from its layers, or folded anew where
-/// they were made with the other model.
-///
-/// # Errors
-/// The store is damaged.
-pub fn records(snapshot: &Snapshot, model: FusionModel) -> Result<Vec<ChangeRecord>, EngineError> {
-    let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
-    if headers
-        .iter()
-        .all(|header| header.fusion_model == model.name())
-    {
-        return Ok(snapshot.read(TileFilter::All)?);
-    }
-    let tile_level = u32::from(snapshot.store().properties().tile_level);
-    let map = MapIndex::new(read_elements(snapshot, tile_level)?);
-    let rows: Vec<EvidenceRow> = snapshot.read(TileFilter::All)?;
-    let sightings: Vec<Sighting> = snapshot.read(TileFilter::All)?;
-    let footprints: Vec<Footprint> = snapshot.read(TileFilter::All)?;
-    let additions = additions(&sightings, &footprints, &map, tile_level, model);
-    let owners = map.elements().iter().map(|element| element.tile);
-    let tiles: BTreeSet<TileId> = owners
-        .chain(additions.iter().map(|record| TileId(record.tile)))
-        .collect();
-    let meter = Meter::default();
-    let silent = crate::progress::Silent;
-    let layers = reduce_tiles(
-        &tiles,
-        map.elements(),
-        &rows,
-        &additions,
-        model,
-        &meter,
-        &silent,
-    )?;
-    Ok(layers.into_iter().flat_map(|layer| layer.records).collect())
 }

@@ -3,6 +3,8 @@
 use std::fs;
 
 use serde_json::Value;
+use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader};
+use tilefold_schemas::log::{LogMessage, Payload};
 
 use crate::support::{Town, keys, on, run, tilefold};
 
@@ -167,11 +169,45 @@ fn evaluations_have_the_promised_form() {
             assert_eq!(change["by_type"][name]["truth"], of_type(name), "{change}");
         }
         assert!(keys(&evaluation).contains(&"matching"));
-        assert_eq!(keys(&evaluation["calibration"]), ["ece", "brier"]);
+        assert_eq!(keys(&evaluation["calibration"]), ["ece", "brier", "bins"]);
+        assert_eq!(
+            evaluation["calibration"]["bins"].as_array().unwrap().len(),
+            15
+        );
+        let thresholds: Vec<&Value> = change["sweep"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|point| &point["threshold"])
+            .collect();
+        assert_eq!(thresholds, [0.70, 0.75, 0.80, 0.85, 0.90, 0.95]);
+        // The other model is beside it, and single vehicles of both.
+        let other = &evaluation["other_model"];
+        assert_ne!(other["fusion_model"], model);
+        assert_eq!(other["change"]["truth"], 3);
+        for findings in [&evaluation, other] {
+            assert_eq!(findings["single_vehicle"]["vehicles"], 6);
+            assert!(findings["single_vehicle"]["change"]["truth"].as_u64() > Some(3));
+        }
         assert!(evaluation["geometry"].is_object());
         assert_eq!(keys(&evaluation["control"]), ["judged", "claimed"]);
         assert!(evaluation["control"]["judged"].as_u64().unwrap() > 0);
     }
+    // What is folded anew is what the version says, and nothing was written.
+    let evaluation = |model| {
+        let options = ["--truth", truth, "--model", model, "--format", "json"];
+        on("evaluate", &store, &options).with_code(0).json()
+    };
+    let (paper, calibrated) = (evaluation("paper"), evaluation("calibrated"));
+    assert_eq!(paper["change"], calibrated["other_model"]["change"]);
+    assert_eq!(
+        paper["other_model"]["calibration"],
+        calibrated["calibration"]
+    );
+    assert_eq!(
+        on("show", &store, &["--format", "json"]).json()["version"],
+        2
+    );
     // Without truth, everything claimed is a false alarm; before any drive, nothing is.
     let options = ["--version", "1", "--format", "json"];
     let control = on("evaluate", &store, &options).with_code(0).json();
@@ -180,6 +216,93 @@ fn evaluations_have_the_promised_form() {
     assert_eq!(control["calibration"]["ece"], Value::Null);
     let words = on("evaluate", &store, &["--truth", truth]).with_code(0).out;
     assert!(words.contains("fold calibrated at T >= 0.85, V >= 5"));
+    assert!(words.contains("all, paper"), "{words}");
+    assert!(words.contains("6 vehicles alone, paper"), "{words}");
+    let options = ["--truth", truth, "--single-vehicles", "0"];
+    let words = on("evaluate", &store, &options).with_code(0).out;
+    assert!(!words.contains("alone"), "{words}");
+}
+
+#[test]
+fn evaluations_know_details_and_draw() {
+    let town = Town::new();
+    let store = town.store("store", &town.city.logs);
+    let text = fs::read_to_string(&town.city.truth).unwrap();
+    let mut truth: Value = serde_json::from_str(&text).unwrap();
+    for feature in truth["features"].as_array_mut().unwrap() {
+        feature["properties"]["detail"] = "construction".into();
+        feature["properties"]["since"] = "2026-03-02T06:00:00+01:00".into();
+        feature["properties"]["who_told"] = "a neighbour".into();
+    }
+    let file = town.path("detailed.geojson");
+    fs::write(&file, truth.to_string()).unwrap();
+    let plots = town.path("plots");
+    let [truth, folder] = [&file, &plots].map(|path| path.to_str().unwrap());
+    let options = ["--truth", truth, "--plots", folder];
+    let said = on("evaluate", &store, &options).with_code(0);
+    assert!(said.out.contains("construction"), "{said:#?}");
+    for (name, begins) in [
+        ("reliability.svg", &b"<svg"[..]),
+        ("sweep.svg", b"<svg"),
+        ("reliability.png", b"\x89PNG"),
+        ("sweep.png", b"\x89PNG"),
+    ] {
+        said.names(&[name]);
+        let bytes = fs::read(plots.join(name)).unwrap();
+        assert!(bytes.starts_with(begins), "{name}");
+    }
+    let again = town.path("again");
+    let options = ["--truth", truth, "--plots", again.to_str().unwrap()];
+    on("evaluate", &store, &options).with_code(0);
+    for name in ["sweep.svg", "sweep.png"] {
+        let bytes = |folder: &std::path::Path| fs::read(folder.join(name)).unwrap();
+        assert_eq!(bytes(&plots), bytes(&again), "{name}");
+    }
+}
+
+#[test]
+fn matching_is_held_against_a_truth() {
+    let town = Town::new();
+    let store = town.store("store", &town.city.logs);
+    let log = &town.city.logs[0];
+    let mut rows = String::from("vehicle,topic,stamp_ns,detection,element_id\n");
+    let mut detections = 0;
+    let index = LogIndex::open(log).unwrap();
+    let mut row = |message: LogMessage| {
+        if let Payload::Detections(frame) = &message.payload {
+            for number in 0..frame.detections.len() {
+                detections += 1;
+                rows += &format!(
+                    "{},{},{},{number},\n",
+                    index.vehicle.as_deref().unwrap(),
+                    index.topics[message.topic].name,
+                    message.stamp_ns
+                );
+            }
+        }
+    };
+    LogReader::new()
+        .read(&index, |_, _| true, ALL_TIME, &mut row)
+        .unwrap();
+    let file = town.path("matching.csv");
+    fs::write(&file, &rows).unwrap();
+    let [csv, log] = [&file, log].map(|path| path.to_str().unwrap());
+    let options = ["--matching", csv, "--logs", log, "--format", "json"];
+    let matching = on("evaluate", &store, &options).with_code(0).json()["matching"].clone();
+    assert_eq!(matching["detections"], detections);
+    // The truth says that all of it is clutter: every match is wrong, and most were matched.
+    assert_eq!(matching["r_match"], 0.0);
+    assert_eq!(matching["r_recall"], Value::Null);
+    let assignment = matching["assignment"].as_f64().unwrap();
+    assert!((0.01..0.4).contains(&assignment), "{matching}");
+
+    on("evaluate", &store, &["--matching", csv])
+        .with_code(2)
+        .names(&["--logs"]);
+    fs::write(&file, "a,b\n").unwrap();
+    on("evaluate", &store, &["--matching", csv, "--logs", log])
+        .with_code(1)
+        .names(&["matching.csv", "its header is", "stamp_ns"]);
 }
 
 #[test]

@@ -148,4 +148,8 @@ fn truth_that_is_none() {
     .unwrap();
     let said = on("evaluate", &store, &["--truth", truth.to_str().unwrap()]).with_code(1);
     said.names(&["error: ", "truth.geojson"]);
+    let refused = ["--place-m", "0"];
+    on("evaluate", &store, &refused)
+        .with_code(2)
+        .names(&["--place-m", "1 to 1000000 metres"]);
 }

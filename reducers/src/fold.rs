@@ -1,0 +1,49 @@
+//! How evidence is folded: by which model, and how many vehicles a verdict takes.
+
+/// How evidence becomes a posterior.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FusionModel {
+    /// The paper's equations as printed.
+    Paper,
+    /// Likelihood ratios of a detection model.
+    #[default]
+    Calibrated,
+}
+
+impl FusionModel {
+    /// All models.
+    pub const ALL: [Self; 2] = [Self::Paper, Self::Calibrated];
+
+    /// The name in records and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Calibrated => "calibrated",
+        }
+    }
+}
+
+/// How evidence is folded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Fold {
+    /// How evidence becomes a posterior.
+    pub model: FusionModel,
+    /// A verdict takes at least this many vehicles, and so does the place at which a candidate
+    /// begins.
+    pub quorum: usize,
+}
+
+impl Fold {
+    /// What layers are made with: one vehicle alone is never believed.
+    #[must_use]
+    pub fn of_fleet(model: FusionModel) -> Self {
+        Self { model, quorum: 2 }
+    }
+
+    /// What one vehicle says by itself: to be compared with what many say, not to be published.
+    #[must_use]
+    pub fn of_one(model: FusionModel) -> Self {
+        Self { model, quorum: 1 }
+    }
+}
