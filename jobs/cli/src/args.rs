@@ -209,6 +209,9 @@ pub(crate) enum Command {
         #[arg(long)]
         plots: Option<PathBuf>,
     },
+    /// Prints the reference of the command line (docs/reference/cli.md).
+    #[command(hide = true)]
+    Reference,
     /// Prints completions for a shell.
     #[command(hide = true)]
     Completions {

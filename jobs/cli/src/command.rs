@@ -19,7 +19,7 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{demo, evaluation, progress, simulate, table};
+use crate::{demo, evaluation, progress, reference, simulate, table};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -94,6 +94,10 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
                 plots: plots.as_deref(),
             };
             score(args, &asked, &options)
+        }
+        Command::Reference => {
+            print!("{}", reference::page());
+            Ok(Outcome::Done)
         }
         Command::Completions { shell } => {
             let mut command = Args::command();

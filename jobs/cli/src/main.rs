@@ -5,6 +5,7 @@ mod command;
 mod demo;
 mod evaluation;
 mod progress;
+mod reference;
 mod report;
 mod simulate;
 mod table;

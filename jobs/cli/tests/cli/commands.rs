@@ -1,6 +1,7 @@
 //! Each command on a small city: exit code, JSON and words.
 
 use std::fs;
+use std::path::Path;
 
 use serde_json::Value;
 use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader};
@@ -410,4 +411,15 @@ fn help_names_the_exit_codes() {
         assert!(text.contains(code), "{code:?} is not in {text}");
     }
     tilefold(["--version"]).with_code(0);
+}
+
+#[test]
+fn the_reference_is_fresh() {
+    let printed = tilefold(["reference".as_ref()]).with_code(0).out;
+    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/cli.md");
+    let kept = fs::read_to_string(&book).unwrap();
+    assert!(
+        printed == kept,
+        "docs/reference/cli.md is stale: run `cargo run -p tilefold -- reference > docs/reference/cli.md`"
+    );
 }
