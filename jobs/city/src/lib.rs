@@ -20,6 +20,7 @@ mod error;
 mod random;
 mod receiver;
 mod relief;
+pub mod render;
 mod road;
 mod spec;
 mod survey;

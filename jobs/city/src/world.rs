@@ -118,7 +118,11 @@ impl World {
             color: paint.color,
             sign: paint.sign,
             points: points.collect(),
-            tags: tilefold_formats::map_write::lanelet2_tags(paint.kind, paint.marking, paint.color),
+            tags: tilefold_formats::map_write::lanelet2_tags(
+                paint.kind,
+                paint.marking,
+                paint.color,
+            ),
         }
     }
 }
