@@ -1,13 +1,14 @@
 //! Renders the test street: a sheet of all categories, and a frame with its truth for every lens.
 //!
-//! `cargo run --release -p tilefold-city --example contact_sheet -- FOLDER [timing]`
+//! `cargo run --release -p tilefold-city --example contact_sheet -- FOLDER [WIDTH]`
+//!
+//! With a width in pixels, frames are timed instead.
 
 #![allow(clippy::unwrap_used)] // An example: a panic is the report.
 
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use tilefold_city::World;
 use tilefold_city::render::{
@@ -20,14 +21,16 @@ mod street;
 /// Where the camera vehicle is: station, and offset to the left.
 const STATION_M: f64 = 8.0;
 const LEFT_M: f64 = -1.75;
+/// Frames that are timed.
+const FRAMES: u32 = 12;
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let folder = PathBuf::from(arguments.next().unwrap_or_else(|| ".".to_owned()));
     fs::create_dir_all(&folder).unwrap();
     let world = street::world(street::all_paint());
-    if arguments.next().is_some() {
-        return time(&world);
+    if let Some(width_px) = arguments.next() {
+        return time(&world, width_px.parse().unwrap());
     }
     sheet(&world, &folder);
     annotated(&world, &folder);
@@ -188,34 +191,40 @@ fn draw(frame: &mut Frame, from: [f64; 2], to: [f64; 2], color: [u8; 3]) {
     }
 }
 
-/// Frames per second of one thread, along the street, and after the first frame.
-fn time(world: &World) {
-    for (width_px, height_px, frames) in [(640, 360, 40), (1920, 1080, 6)] {
-        let camera = Camera::ahead(width_px, height_px, 1.15);
-        for category in Category::ALL {
-            let renderer = Renderer::new(world);
-            let every_m = if category == Category::Crowded {
-                13.0
-            } else {
-                38.0
-            };
-            let traffic = street::traffic(every_m, STATION_M);
-            let conditions = Conditions::draw(category, 0.0, 3);
-            let render = |station_m: f64| {
-                renderer.render(&camera, &shot(conditions, &camera, station_m, &traffic), 7)
-            };
-            render(STATION_M);
-            let start = Instant::now();
-            for frame in 0..frames {
-                render(STATION_M + 0.8 * f64::from(frame));
-            }
-            let rate = f64::from(frames) / start.elapsed().as_secs_f64();
-            println!(
-                "{width_px}x{height_px} {:10} {rate:6.1} frames/s",
-                category.name()
-            );
+/// Frames per second along the street, after the first frame of each category.
+fn time(world: &World, width_px: u32) {
+    let camera = Camera::ahead(width_px, width_px * 9 / 16, 1.15);
+    for category in Category::ALL {
+        let renderer = Renderer::new(world);
+        let every_m = if category == Category::Crowded {
+            13.0
+        } else {
+            38.0
+        };
+        let traffic = street::traffic(every_m, STATION_M);
+        let conditions = Conditions::draw(category, 0.0, 3);
+        let render = |station_m: f64| {
+            renderer.render(&camera, &shot(conditions, &camera, station_m, &traffic), 7)
+        };
+        render(STATION_M);
+        let start = cpu_s();
+        for frame in 0..FRAMES {
+            render(STATION_M + 0.8 * f64::from(frame));
         }
+        let rate = f64::from(FRAMES) / (cpu_s() - start);
+        println!(
+            "{width_px} {:10} {rate:6.1} frames per second of one core",
+            category.name()
+        );
     }
+}
+
+/// Processor seconds of this process: other processes of the machine do not count (Linux).
+fn cpu_s() -> f64 {
+    let stat = fs::read_to_string("/proc/self/stat").unwrap();
+    let fields: Vec<&str> = stat.split(' ').collect();
+    let ticks = |field: usize| fields[field].parse::<f64>().unwrap();
+    (ticks(13) + ticks(14)) / 100.0
 }
 
 fn write_png(path: &Path, width_px: u32, height_px: u32, rgb: &[u8]) {

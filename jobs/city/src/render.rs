@@ -391,6 +391,3 @@ impl<'a> Stage<'a> {
         })
     }
 }
-
-#[cfg(test)]
-mod tests;

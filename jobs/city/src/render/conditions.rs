@@ -143,7 +143,7 @@ impl Conditions {
             Category::Shadow => Self {
                 sun: random.between(0.9, 1.0),
                 clouds: random.between(0.0, 0.25),
-                sun_elevation_rad: random.between(0.45, 0.85),
+                sun_elevation_rad: random.between(0.7, 1.1),
                 sun_yaw_rad: yaw_rad + random.sign() * random.between(0.9, 2.1),
                 trees: random.between(0.7, 1.0),
                 ..day
@@ -225,7 +225,7 @@ impl Conditions {
             lamps: true,
             wet: if random.chance(0.3) { 0.5 } else { 0.0 },
             exposure_s: random.between(0.012, 0.03),
-            noise: random.between(0.015, 0.035),
+            noise: random.between(0.010, 0.022),
             veil: 0.0,
             ..self
         }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::conditions::Conditions;
 use super::noise::{hash, share};
 use super::picture::{Film, SKY};
-use super::vector::{Rgb, V2, grey, v2, v3};
+use super::vector::{Rgb, V2, floor, grey, v2, v3};
 
 mod bloom;
 mod drops;
@@ -21,6 +21,8 @@ const SHOULDER: f32 = 0.62;
 const UNSHARP: f32 = 0.09;
 /// Darkness of the corners.
 const VIGNETTE: f32 = 0.28;
+/// Contrast that is added.
+const CONTRAST: f32 = 0.25;
 /// Entries of the table of the transfer curve.
 const CURVE: usize = 4_096;
 
@@ -85,9 +87,8 @@ impl Film {
 
     /// The colour between pixels.
     fn between(&self, x: f32, y: f32) -> Rgb {
-        let (x0, y0) = (x.floor(), y.floor());
-        let (sx, sy) = (x - x0, y - y0);
-        let (x0, y0) = (x0 as i32, y0 as i32);
+        let (x0, y0) = (floor(x), floor(y));
+        let (sx, sy) = (x - x0 as f32, y - y0 as f32);
         let low = self.clamped(x0, y0).mix(self.clamped(x0 + 1, y0), sx);
         let high = self
             .clamped(x0, y0 + 1)
@@ -205,14 +206,16 @@ fn squeezed(light: f32) -> f32 {
     (SHOULDER + room * (1.0 - (-(light - SHOULDER) / room).exp())).min(1.0)
 }
 
-/// The transfer curve of sRGB (IEC 61966-2-1), to 0..255.
+/// The transfer curve of sRGB (IEC 61966-2-1) with some contrast, to 0..255.
 fn transfer(light: f32) -> f32 {
     let level = if light <= 0.003_130_8 {
         12.92 * light
     } else {
         1.055 * light.powf(1.0 / 2.4) - 0.055
     };
-    level * 255.0
+    // Cameras deepen the shadows and lift the lights a little.
+    let deep = level * level * (3.0 - 2.0 * level);
+    (level + CONTRAST * (deep - level)) * 255.0
 }
 
 /// Nearly normal noise of mean 0 and spread 1 for three channels, mostly alike.

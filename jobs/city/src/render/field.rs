@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::eye::Pose;
 use super::terrain::{Ground, TILES_M, Terrain, Tile, TileKey};
-use super::vector::{V2, V3, v2};
+use super::vector::{V2, V3, floor, v2};
 
 /// Metres around the eye that the near and the far table cover.
 const REACHES_M: [f32; 2] = [88.0, 400.0];
@@ -13,6 +13,8 @@ const AROUND: f32 = 1.5;
 /// How much further every step along a flat ray goes, and steps that close in on the ground.
 const STRIDE: f32 = 1.16;
 const NEWTON_STEPS: usize = 3;
+/// A ray has met the ground when it is this close to it, in metres.
+const CLOSE_M: f32 = 1e-4;
 /// Directions and distances (metres) in which slopes are measured.
 const DIRECTIONS: usize = 48;
 const DISTANCES_M: [f32; 9] = [6.0, 12.0, 20.0, 32.0, 50.0, 85.0, 140.0, 230.0, 380.0];
@@ -29,14 +31,14 @@ struct Window {
 impl Window {
     fn tile(&self, place: V2) -> Option<(&Tile, V2)> {
         let at = place * (1.0 / self.tile_m);
-        let (x, y) = (at.x.floor(), at.y.floor());
-        let (column, row) = (x as i32 - self.first[0], y as i32 - self.first[1]);
+        let (x, y) = (floor(at.x), floor(at.y));
+        let (column, row) = (x - self.first[0], y - self.first[1]);
         let side = self.side as i32;
         if column < 0 || row < 0 || column >= side || row >= side {
             return None;
         }
         let tile = self.tiles[row as usize * self.side + column as usize].as_deref()?;
-        Some((tile, v2(at.x - x, at.y - y)))
+        Some((tile, v2(at.x - x as f32, at.y - y as f32)))
     }
 }
 
@@ -129,7 +131,11 @@ impl Field {
         let mut depth_m = start_m;
         for _ in 0..NEWTON_STEPS {
             let at = from + to * depth_m;
-            depth_m += (at.z - self.height_m(at.flat())) / -to.z;
+            let above_m = at.z - self.height_m(at.flat());
+            depth_m += above_m / -to.z;
+            if above_m.abs() < CLOSE_M {
+                break;
+            }
         }
         depth_m
     }
@@ -214,3 +220,6 @@ fn is_seen(middle: V2, tile_m: f32, pose: &Pose, widest_cos: f32) -> bool {
     let half_tile_rad = (0.75 * tile_m / away_m).min(1.0).asin();
     angle.acos() < widest_cos.clamp(-1.0, 1.0).acos() + half_tile_rad
 }
+
+#[cfg(test)]
+mod tests;

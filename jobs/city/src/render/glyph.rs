@@ -5,6 +5,8 @@
 
 use tilefold_schemas::element::SignClass;
 
+use super::vector::log2_floor;
+
 /// Texels: a panel is much longer than wide.
 const WIDE: usize = 64;
 const LONG: usize = 256;
@@ -71,7 +73,8 @@ impl Glyph {
 
     /// Coverage at a place of the panel, blurred over `blur` of its length.
     pub(super) fn at(&self, x: f32, y: f32, blur: f32) -> f32 {
-        let level = (blur * LONG as f32).max(1.0).log2().round() as usize;
+        // Half an octave up: the nearest level.
+        let level = log2_floor((blur * LONG as f32 * std::f32::consts::SQRT_2).max(1.0));
         let level = level.min(self.levels.len() - 1);
         let (wide, long) = (WIDE >> level, LONG >> level);
         let (x, y) = (x * wide as f32 - 0.5, y * long as f32 - 0.5);

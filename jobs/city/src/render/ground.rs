@@ -39,7 +39,7 @@ impl Textures {
         Self {
             grain: Texture::fractal(64, 0.9, 1),
             blots: Texture::fractal(4, 0.62, 2),
-            wear: Texture::fractal(12, 0.85, 3),
+            wear: Texture::fractal(24, 0.95, 3),
             veins: Texture::veins(5, 4),
         }
     }
@@ -138,11 +138,11 @@ impl GroundPicture<'_> {
         let t = self.textures;
         // A second look-up askew hides that the first repeats.
         let askew = v2(texel.x - texel.y * 2.0, texel.y + texel.x * 2.0);
-        let grain = t.grain.at(texel, 2.0, foot_m) - 0.5;
+        let grain = t.grain.at(texel, 1.0, foot_m) - 0.5;
         let fine = t.blots.at(texel, 4.0, foot_m) - 0.5;
         let broad = t.blots.at(askew, 128.0, foot_m * 2.2) - 0.5;
         let wide = t.blots.at(texel, 256.0, foot_m) - 0.5;
-        let mut shade = 0.098 * (1.0 + 0.75 * grain + 0.28 * fine + 0.3 * broad + 0.35 * wide);
+        let mut shade = 0.112 * (1.0 + 0.6 * grain + 0.16 * fine + 0.3 * broad + 0.35 * wide);
         shade *= 1.0 - 0.13 * ground.track;
         // Hair cracks where the road is old.
         let old = smooth(0.1, 0.35, wide + 0.4 * broad);
@@ -201,11 +201,11 @@ impl GroundPicture<'_> {
         }
         let puddle = self.puddle(place + self.anchor, foot_m, ground);
         // Water darkens what it soaks.
-        let soaked = 1.0 - self.wet * (0.45 + 0.15 * puddle);
+        let soaked = 1.0 - self.wet * (0.5 + 0.2 * puddle);
         let grazing = (1.0 - (-to.z).clamp(0.0, 1.0)).powi(5);
         let fresnel = 0.02 + 0.98 * grazing;
         let dry = (0.10 + 0.5 * surface.gloss) * fresnel * 0.5;
-        let mirror = open * (dry * (1.0 - self.wet) + self.wet * fresnel * (0.35 + 0.6 * puddle));
+        let mirror = open * (dry * (1.0 - self.wet) + self.wet * fresnel * (0.25 + 0.75 * puddle));
         let glint = self.glint(to, surface, puddle) * sun;
         GroundLight {
             color: surface.albedo * falling * soaked + returned + sky.sunlight * glint,

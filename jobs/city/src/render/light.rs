@@ -9,7 +9,7 @@ use super::vector::{Rgb, V3, grey, v3};
 const HEADLIGHT_UP_M: f32 = 0.65;
 const HEADLIGHT_AHEAD_M: f32 = 2.2;
 /// Strength of both: light on a sheet at one metre, where daylight is 1.
-const HEADLIGHT: f32 = 26.0;
+const HEADLIGHT: f32 = 16.0;
 /// Half width of the beam, as a tangent.
 const BEAM: f32 = 0.42;
 /// What street lamps give to upright surfaces, as a share of daylight.
@@ -71,7 +71,7 @@ impl Light {
         }
         let facing_eye = hit.normal.dot(-to).max(0.0);
         let fresnel = 0.04 + 0.96 * (1.0 - facing_eye).powi(5);
-        let sheen = hit.gloss * fresnel.max(hit.gloss * 0.12);
+        let sheen = hit.gloss * fresnel.max(hit.gloss * 0.25);
         hit.albedo * light * (1.0 - 0.5 * sheen) + mirrored * sheen + hit.glow
     }
 }

@@ -6,7 +6,7 @@
 //! pixel however thin they are drawn.
 
 use super::glyph::Glyph;
-use super::vector::{V2, v2};
+use super::vector::{V2, floor, v2};
 
 /// The sharpest border, in metres: paint frays.
 const FRAY_M: f32 = 0.012;
@@ -56,7 +56,7 @@ impl Pattern {
     /// Painted metres from 0 to `at_m`.
     fn painted_m(self, at_m: f32) -> f32 {
         let period_m = self.on_m + self.off_m;
-        let periods = (at_m / period_m).floor();
+        let periods = floor(at_m / period_m) as f32;
         periods * self.on_m + (at_m - periods * period_m).min(self.on_m)
     }
 

@@ -4,7 +4,7 @@
 //! Coordinates are metres of the plane, reduced to `0..REPEAT_M` (single precision then keeps half a
 //! millimetre); every period divides it.
 
-use super::vector::{V2, v2};
+use super::vector::{V2, floor, log2_floor, v2};
 
 /// Metres after which every texture has repeated.
 pub(super) const REPEAT_M: f64 = 4096.0;
@@ -74,7 +74,7 @@ impl Texture {
     /// The value at a place, for a picture whose pixels see `foot_m` of the ground there.
     pub(super) fn at(&self, place: V2, period_m: f32, foot_m: f32) -> f32 {
         let texel_m = period_m / SIDE as f32;
-        let level = (foot_m / texel_m).max(1.0).log2() as usize;
+        let level = log2_floor((foot_m / texel_m).max(1.0));
         let level = level.min(self.levels.len() - 1);
         let side = SIDE >> level;
         let scale = side as f32 / period_m;
@@ -89,10 +89,10 @@ impl Texture {
 /// Bilinear look-up of a square table that repeats; its side is a power of two.
 fn bilinear(table: &[f32], side: usize, at: V2) -> f32 {
     let (x, y) = (at.x - 0.5, at.y - 0.5);
-    let (fx, fy) = (x.floor(), y.floor());
-    let (sx, sy) = (x - fx, y - fy);
+    let (fx, fy) = (floor(x), floor(y));
+    let (sx, sy) = (x - fx as f32, y - fy as f32);
     let mask = side - 1;
-    let (x0, y0) = (fx as i32 as usize & mask, fy as i32 as usize & mask);
+    let (x0, y0) = (fx as usize & mask, fy as usize & mask);
     let (x1, y1) = ((x0 + 1) & mask, (y0 + 1) & mask);
     let low = table[y0 * side + x0] * (1.0 - sx) + table[y0 * side + x1] * sx;
     let high = table[y1 * side + x0] * (1.0 - sx) + table[y1 * side + x1] * sx;

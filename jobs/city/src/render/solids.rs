@@ -228,6 +228,7 @@ impl Solid {
             }
         }
         match face {
+            FRONT | REAR if at.z * self.size.z < CLEARANCE_M => (RUBBER, grey(0.0), 0.0),
             REAR | 7 => self.tail(at, around),
             FRONT => self.nose(at, around),
             _ => (self.color, grey(0.0), 0.35),
@@ -238,7 +239,7 @@ impl Solid {
         let (y, z) = (at.y.abs(), at.z);
         if y > 0.3 && (0.4..0.54).contains(&z) {
             let brakes = share(self.lots) < 0.3;
-            let light = f32::from(u8::from(around.lamps)) * 0.35 + if brakes { 0.9 } else { 0.0 };
+            let light = if around.lamps { 0.3 } else { 0.0 } + if brakes { 0.5 } else { 0.0 };
             let scale = if around.night { 0.12 } else { 1.0 };
             return (
                 v3(0.32, 0.012, 0.012),
@@ -313,6 +314,7 @@ impl Solid {
         let is_bus = self.size.x > 9.0 && self.lots & 1 == 0;
         let plain = (self.color, grey(0.0), 0.2);
         match face {
+            FRONT | REAR if at.z * self.size.z < CLEARANCE_M => (RUBBER, grey(0.0), 0.0),
             FRONT if at.z > 0.45 && at.z < 0.85 && at.y.abs() < 0.45 => (GLASS, grey(0.0), 0.8),
             FRONT if at.z < 0.3 => self.nose(v3(at.x, at.y, at.z * 2.0), around),
             REAR if at.z < 0.3 => self.tail(v3(at.x, at.y, at.z * 2.4), around),

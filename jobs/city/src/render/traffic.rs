@@ -2,6 +2,7 @@
 
 use nalgebra::Isometry3;
 
+use super::noise::hash;
 use super::solids::{Solid, SolidKind};
 use super::vector::{v2, v3};
 
@@ -46,7 +47,7 @@ impl TrafficVehicle {
             ahead,
             size: v3(length, width, height),
             color: v3(red, green, blue),
-            lots: (self.color[0] * 9_973.0) as u32 ^ (length * 7_919.0) as u32,
+            lots: hash(number as i32, (length * 100.0) as i32, 41),
             velocity: v3(ahead.x, ahead.y, 0.0) * speed,
             vehicle: Some(number),
             in_sun: 1.0,

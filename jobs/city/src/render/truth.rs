@@ -28,6 +28,8 @@ const HALF_STOP_M: f64 = 0.2;
 const AREA_POINTS: u32 = 12;
 /// Something nearer than the paint by this share of its distance, and this many metres, hides it.
 const HIDES: (f32, f32) = (0.04, 0.25);
+/// The same for the ground before it: far away, neighbouring pixels are far apart.
+const CREST_HIDES: (f32, f32) = (0.25, 1.0);
 /// What is seen of an element less than this is not worth a line, in pixels.
 const LEAST_PX: f64 = 2.0;
 /// Projected lines keep to this many pixels when points are left out.
@@ -239,9 +241,12 @@ impl Witness<'_> {
         let [cx, cy, cz] = self.way.in_camera(point, pixel[1]);
         let distance_m = (cx * cx + cy * cy + cz * cz).sqrt();
         let at = y as usize * self.film.width + x as usize;
-        let nearer_m = distance_m as f32 * (1.0 - HIDES.0) - HIDES.1;
-        let seen = self.film.seen[at];
-        let is_hidden = seen >= GROUND && self.film.depth_m[at] < nearer_m;
+        let (share, metres) = match self.film.seen[at] {
+            seen if seen >= FIRST_SOLID => HIDES,
+            GROUND => CREST_HIDES,
+            _ => (1.0, 0.0),
+        };
+        let is_hidden = self.film.depth_m[at] < distance_m as f32 * (1.0 - share) - metres;
         (distance_m <= REACH_M).then_some(Sight {
             pixel,
             distance_m,

@@ -147,6 +147,18 @@ impl Mul<f32> for V2 {
     }
 }
 
+/// The largest whole number that is not above `x`, for `x` that fits into 32 bits: a call into the
+/// system's library would cost more than the rest of a look-up.
+pub(super) fn floor(x: f32) -> i32 {
+    let whole = x as i32;
+    whole - i32::from(whole as f32 > x)
+}
+
+/// The whole part of the binary logarithm of `x`, which is 1 or more.
+pub(super) fn log2_floor(x: f32) -> usize {
+    (x.to_bits() >> 23).saturating_sub(127) as usize
+}
+
 /// 0 below `from`, 1 above `to`, smooth between.
 pub(super) fn smooth(from: f32, to: f32, x: f32) -> f32 {
     let share = ((x - from) / (to - from)).clamp(0.0, 1.0);

@@ -11,17 +11,17 @@ use tilefold_city::{Building, Lane, Paint, Point, Relief, World};
 use tilefold_schemas::element::{Color, ElementKind, Marking, SignClass};
 use tilefold_tiler::geodesy::LocalFrame;
 
-pub const LENGTH_M: f64 = 400.0;
+pub(crate) const LENGTH_M: f64 = 400.0;
 const LANE_M: f64 = 3.4;
 /// Between the outer lanes' borders and the kerbs, in metres.
 const GUTTER_M: f64 = 0.45;
 const CURVATURE: f64 = 1.0 / 650.0;
 /// When the ghosts went.
-pub const REPAINTED_NS: i64 = 1_000;
-pub const NOW_NS: i64 = 2_000;
+pub(crate) const REPAINTED_NS: i64 = 1_000;
+pub(crate) const NOW_NS: i64 = 2_000;
 
 /// The point at a station, so far to the left of the middle.
-pub fn point(station_m: f64, left_m: f64) -> Point {
+pub(crate) fn point(station_m: f64, left_m: f64) -> Point {
     let turn = CURVATURE * station_m;
     let radius_m = 1.0 / CURVATURE - left_m;
     [
@@ -31,12 +31,12 @@ pub fn point(station_m: f64, left_m: f64) -> Point {
     ]
 }
 
-pub fn yaw_rad(station_m: f64) -> f64 {
+pub(crate) fn yaw_rad(station_m: f64) -> f64 {
     CURVATURE * station_m
 }
 
 /// The pose of something on the ground: roll, pitch (down) and the yaw of the street.
-pub fn pose(station_m: f64, left_m: f64, roll: f64, pitch: f64) -> Isometry3<f64> {
+pub(crate) fn pose(station_m: f64, left_m: f64, roll: f64, pitch: f64) -> Isometry3<f64> {
     let at = point(station_m, left_m);
     let turned = UnitQuaternion::from_euler_angles(roll, pitch, yaw_rad(station_m));
     Isometry3::from_parts(nalgebra::Point3::from(at).into(), turned)
@@ -102,14 +102,15 @@ fn sign(id: i64, class: SignClass, station_m: f64, left_m: f64, size_m: [f64; 2]
     }
 }
 
-/// Lines alone, each of one kind over the whole street: what is easy to measure.
-pub fn lines() -> Vec<Paint> {
+/// Lines alone, over the whole street: what is easy to measure. 2 and 4 are single and far from the
+/// kerbs.
+pub(crate) fn lines() -> Vec<Paint> {
     use Marking::{Dashed, Solid, SolidSolid};
     vec![
         line(1, Solid, Color::White, 0.0, LENGTH_M, 2.0 * LANE_M),
         line(2, Dashed, Color::White, 0.0, LENGTH_M, LANE_M),
         line(3, SolidSolid, Color::Yellow, 0.0, LENGTH_M, 0.0),
-        line(4, Dashed, Color::White, 0.0, LENGTH_M, -LANE_M),
+        line(4, Solid, Color::White, 0.0, LENGTH_M, -LANE_M),
         line(5, Solid, Color::White, 0.0, LENGTH_M, -2.0 * LANE_M),
     ]
 }
@@ -159,7 +160,7 @@ fn rest() -> Vec<Paint> {
 }
 
 /// Lines in stretches with the other markings, worn here and there, and everything else.
-pub fn all_paint() -> Vec<Paint> {
+pub(crate) fn all_paint() -> Vec<Paint> {
     use Marking::{Dashed, DashedDashed, DashedSolid, Solid, SolidDashed, SolidSolid};
     let mut all = Vec::new();
     // The crosswalk and the box are left out.
@@ -232,7 +233,7 @@ fn buildings() -> Vec<Building> {
 }
 
 /// The street with this paint.
-pub fn world(paint: Vec<Paint>) -> World {
+pub(crate) fn world(paint: Vec<Paint>) -> World {
     let kerb_m = 2.0 * LANE_M + GUTTER_M;
     World {
         frame: LocalFrame::new([10.0, 50.0, 300.0]),
@@ -247,7 +248,7 @@ pub fn world(paint: Vec<Paint>) -> World {
 }
 
 /// Without what stands beside it: nothing hides the paint.
-pub fn open_world(paint: Vec<Paint>) -> World {
+pub(crate) fn open_world(paint: Vec<Paint>) -> World {
     World {
         buildings: Vec::new(),
         ..world(paint)
@@ -255,7 +256,7 @@ pub fn open_world(paint: Vec<Paint>) -> World {
 }
 
 /// Vehicles on the street: every `every_m` of each lane one, but none within 7 m of the camera.
-pub fn traffic(every_m: f64, camera_m: f64) -> Vec<TrafficVehicle> {
+pub(crate) fn traffic(every_m: f64, camera_m: f64) -> Vec<TrafficVehicle> {
     let colors = [
         [0.55, 0.55, 0.56],
         [0.03, 0.03, 0.035],

@@ -33,10 +33,22 @@ pub(super) fn add(film: &mut Film, threshold: f32) {
     for _ in 0..3 {
         spill = blurred(&blurred(&spill, wide, reach), high, reach);
     }
+    let width = film.width;
     for (index, color) in film.color.iter_mut().enumerate() {
-        let at = index / film.width / COARSE * wide + index % film.width / COARSE;
-        *color += spill[at] * SHARE;
+        let at = [index % width, index / width].map(|px| (px as f32 + 0.5) / COARSE as f32 - 0.5);
+        *color += between(&spill, [wide, high], at) * SHARE;
     }
+}
+
+/// The spill between coarse pixels.
+fn between(spill: &[Rgb], [wide, high]: [usize; 2], [x, y]: [f32; 2]) -> Rgb {
+    let (x, y) = (x.max(0.0), y.max(0.0));
+    let (x0, y0) = ((x as usize).min(wide - 1), (y as usize).min(high - 1));
+    let (x1, y1) = ((x0 + 1).min(wide - 1), (y0 + 1).min(high - 1));
+    let (sx, sy) = (x - x0 as f32, y - y0 as f32);
+    let low = spill[y0 * wide + x0].mix(spill[y0 * wide + x1], sx);
+    let high = spill[y1 * wide + x0].mix(spill[y1 * wide + x1], sx);
+    low.mix(high, sy)
 }
 
 /// Running mean along the rows, written as columns.

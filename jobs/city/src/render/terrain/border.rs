@@ -30,6 +30,8 @@ struct Piece {
     half_m: f64,
     /// Which side of a kerb is road: 1 left, -1 right, 0 unknown or both.
     road_side: f64,
+    /// Metres from a kerb to the lanes.
+    gap_m: f64,
 }
 
 impl Piece {
@@ -61,6 +63,7 @@ fn pieces(points: &[Point], half_m: f64) -> Vec<Piece> {
                 length_m: length_m / parts,
                 half_m,
                 road_side: 0.0,
+                gap_m: 0.0,
             });
         }
     }
@@ -117,7 +120,11 @@ impl Borders {
         } else {
             -1.0
         };
-        Piece { road_side, ..kerb }
+        Piece {
+            road_side,
+            gap_m: left_m.min(right_m) + KERB_SIDE_M,
+            ..kerb
+        }
     }
 
     /// What lies near a square.
@@ -189,6 +196,10 @@ impl Near {
             return beyond_lanes_m;
         }
         let is_road = left_m * kerb.road_side > 0.0;
+        // Across the lanes from a kerb there may be none.
+        if is_road && distance_m > kerb.gap_m.max(0.0) + SHOULDER_M {
+            return beyond_lanes_m;
+        }
         let beyond_kerb_m = if is_road { -distance_m } else { distance_m };
         // Well within the lanes is road whatever the kerb says: the nearest may be round a corner.
         let lanes_m = beyond_lanes_m + SHOULDER_M;
