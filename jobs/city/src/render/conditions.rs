@@ -144,7 +144,8 @@ impl Conditions {
                 sun: random.between(0.9, 1.0),
                 clouds: random.between(0.0, 0.25),
                 sun_elevation_rad: random.between(0.7, 1.1),
-                sun_yaw_rad: yaw_rad + random.sign() * random.between(0.9, 2.1),
+                // Along the street rather than across: across it, houses shade all of it.
+                sun_yaw_rad: yaw_rad + random.sign() * random.between(0.35, 0.95),
                 trees: random.between(0.7, 1.0),
                 ..day
             },

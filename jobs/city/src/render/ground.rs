@@ -205,7 +205,8 @@ impl GroundPicture<'_> {
         let grazing = (1.0 - (-to.z).clamp(0.0, 1.0)).powi(5);
         let fresnel = 0.02 + 0.98 * grazing;
         let dry = (0.10 + 0.5 * surface.gloss) * fresnel * 0.5;
-        let mirror = open * (dry * (1.0 - self.wet) + self.wet * fresnel * (0.25 + 0.75 * puddle));
+        let mirror =
+            open * (dry * (1.0 - self.wet) + self.wet * fresnel.max(0.08) * (0.35 + 0.65 * puddle));
         let glint = self.glint(to, surface, puddle) * sun;
         GroundLight {
             color: surface.albedo * falling * soaked + returned + sky.sunlight * glint,

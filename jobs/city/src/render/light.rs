@@ -71,7 +71,7 @@ impl Light {
         }
         let facing_eye = hit.normal.dot(-to).max(0.0);
         let fresnel = 0.04 + 0.96 * (1.0 - facing_eye).powi(5);
-        let sheen = hit.gloss * fresnel.max(hit.gloss * 0.25);
+        let sheen = hit.gloss * fresnel.max(hit.gloss * 0.16);
         hit.albedo * light * (1.0 - 0.5 * sheen) + mirrored * sheen + hit.glow
     }
 }

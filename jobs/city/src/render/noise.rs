@@ -28,7 +28,8 @@ pub(super) fn share(hash: u32) -> f32 {
 
 /// Tileable noise with values in `[0, 1]`, evenly spread at its finest level.
 pub(super) struct Texture {
-    levels: Vec<Vec<f32>>,
+    /// From fine to coarse, in 65,535ths: half the memory of floats stays in the processor's cache.
+    levels: Vec<Vec<u16>>,
 }
 
 impl Texture {
@@ -59,7 +60,7 @@ impl Texture {
         Self::with_levels(even(&values.collect::<Vec<f32>>()))
     }
 
-    fn with_levels(finest: Vec<f32>) -> Self {
+    fn with_levels(finest: Vec<u16>) -> Self {
         let mut levels = vec![finest];
         let mut side = SIDE;
         while side > 1 {
@@ -87,16 +88,17 @@ impl Texture {
 }
 
 /// Bilinear look-up of a square table that repeats; its side is a power of two.
-fn bilinear(table: &[f32], side: usize, at: V2) -> f32 {
+fn bilinear(table: &[u16], side: usize, at: V2) -> f32 {
     let (x, y) = (at.x - 0.5, at.y - 0.5);
     let (fx, fy) = (floor(x), floor(y));
     let (sx, sy) = (x - fx as f32, y - fy as f32);
     let mask = side - 1;
     let (x0, y0) = (fx as usize & mask, fy as usize & mask);
     let (x1, y1) = ((x0 + 1) & mask, (y0 + 1) & mask);
-    let low = table[y0 * side + x0] * (1.0 - sx) + table[y0 * side + x1] * sx;
-    let high = table[y1 * side + x0] * (1.0 - sx) + table[y1 * side + x1] * sx;
-    low * (1.0 - sy) + high * sy
+    let at = |x: usize, y: usize| f32::from(table[y * side + x]);
+    let low = at(x0, y0) * (1.0 - sx) + at(x1, y0) * sx;
+    let high = at(x0, y1) * (1.0 - sx) + at(x1, y1) * sx;
+    (low * (1.0 - sy) + high * sy) * (1.0 / 65_535.0)
 }
 
 /// Value noise of one octave, in `[0, 1]`.
@@ -115,21 +117,25 @@ fn lattice(x: usize, y: usize, cycles: usize, salt: u32) -> f32 {
 }
 
 /// Every value replaced by its rank, so that a threshold of 0.3 takes 30 % of the area.
-fn even(values: &[f32]) -> Vec<f32> {
+fn even(values: &[f32]) -> Vec<u16> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-    let mut ranks = vec![0.0; values.len()];
+    let mut ranks = vec![0; values.len()];
     for (rank, index) in order.into_iter().enumerate() {
-        ranks[index] = (rank as f32 + 0.5) / values.len() as f32;
+        ranks[index] = (rank * 65_536 / values.len()) as u16;
     }
     ranks
 }
 
-fn halved(finer: &[f32], side: usize) -> Vec<f32> {
+fn halved(finer: &[u16], side: usize) -> Vec<u16> {
     let half = side / 2;
     let mean = |index: usize| {
         let at = (index / half) * 2 * side + (index % half) * 2;
-        (finer[at] + finer[at + 1] + finer[at + side] + finer[at + side + 1]) / 4.0
+        let sum: u32 = [at, at + 1, at + side, at + side + 1]
+            .map(|at| u32::from(finer[at]))
+            .iter()
+            .sum();
+        (sum / 4) as u16
     };
     (0..half * half).map(mean).collect()
 }

@@ -8,7 +8,7 @@ use super::field::Field;
 use super::ground::GroundPicture;
 use super::marks::Footprint;
 use super::noise::{hash, share};
-use super::solids::{Hit, Ray, Solid, Surroundings};
+use super::solids::{Hit, Ray, Solid, SolidKind, Surroundings};
 use super::stand::Squares;
 use super::vector::{Rgb, V2, V3, grey, v2, v3};
 
@@ -17,7 +17,7 @@ pub(super) const SKY: u32 = 1;
 pub(super) const GROUND: u32 = 2;
 pub(super) const FIRST_SOLID: u32 = 3;
 /// Most half-transparent things before one pixel.
-const MOST_HITS: usize = 12;
+const MOST_HITS: usize = 7;
 /// From here on a wet road mirrors solids.
 const MIRRORING: f32 = 0.06;
 /// A pixel's footprint on the ground is cut off here, in metres.
@@ -115,12 +115,20 @@ impl Picture<'_> {
         let here = looks[y * width + x].seen;
         let differs = |x: usize, y: usize| {
             let there = looks[y * width + x].seen;
-            there != here && here.max(there) >= FIRST_SOLID
+            there != here && (self.is_hard(here) || self.is_hard(there))
         };
         (x > 0 && differs(x - 1, y))
             || (x + 1 < width && differs(x + 1, y))
             || (y > 0 && differs(x, y - 1))
             || (y + 1 < height && differs(x, y + 1))
+    }
+
+    /// Whether what is seen ends sharply: leaves and lamps are half-transparent at their rims.
+    fn is_hard(&self, seen: u32) -> bool {
+        seen.checked_sub(FIRST_SOLID).is_some_and(|index| {
+            let kind = self.solids[index as usize].kind;
+            !matches!(kind, SolidKind::Tree | SolidKind::Lamp)
+        })
     }
 
     fn look(&self, pose: &Pose, x: usize, y: usize, aside: V2) -> Look {
@@ -275,7 +283,13 @@ impl Picture<'_> {
                 pixel_rad: 0.01,
             };
             let mut hits = Hits::default();
-            hits.gather(&ray, self.mirrored, self.solids, &self.around, None);
+            hits.gather(
+                &ray,
+                self.mirrored.iter().copied(),
+                self.solids,
+                &self.around,
+                None,
+            );
             if let Some((hit, index)) = hits.sorted().first() {
                 return self
                     .mirror_sky(direction)
@@ -383,14 +397,14 @@ impl Hits {
     fn gather(
         &mut self,
         ray: &Ray,
-        candidates: &[u32],
+        candidates: impl Iterator<Item = u32>,
         solids: &[Solid],
         around: &Surroundings,
         ground_m: Option<f32>,
     ) {
         let mut nearest_m = ground_m.unwrap_or(f32::INFINITY);
-        for &index in candidates {
-            let Some(hit) = solids[index as usize].hit(ray, around) else {
+        for index in candidates {
+            let Some(hit) = solids[index as usize].hit(ray, around, nearest_m) else {
                 continue;
             };
             if hit.depth_m >= nearest_m {

@@ -113,14 +113,14 @@ const RIM_M: f32 = 0.21;
 const CLEARANCE_M: f32 = 0.2;
 
 impl Solid {
-    /// Where a ray meets it first, if it does.
-    pub(super) fn hit(&self, ray: &Ray, around: &Surroundings) -> Option<Hit> {
+    /// Where a ray meets it first, if it does before `most_m`.
+    pub(super) fn hit(&self, ray: &Ray, around: &Surroundings, most_m: f32) -> Option<Hit> {
         match self.kind {
-            SolidKind::Tree => self.tree(ray, around.noise),
+            SolidKind::Tree => self.tree(ray, around.noise, most_m),
             SolidKind::Lamp => self.lamp(ray, around),
             SolidKind::Car => self.car(ray, around),
-            SolidKind::Hauler => self.hauler(ray, around),
-            SolidKind::Building => self.building(ray, around),
+            SolidKind::Hauler => self.hauler(ray, around, most_m),
+            SolidKind::Building => self.building(ray, around, most_m),
         }
     }
 
@@ -167,10 +167,18 @@ impl Solid {
         let body = clip(&BODY, from, to)
             .filter(|&(depth_m, face)| !self.sees_through(from + to * depth_m, face, 0.3));
         let cabin = clip(&CABIN, from, to);
+        // Sheet metal is bent: normals lean outwards from the middle of each face.
+        let bent = |depth_m: f32, normal: V3| {
+            let at = from + to * depth_m;
+            let size = self.size;
+            let lean = v3(at.x * 0.25, at.y * 0.5, (at.z - 0.42) * 0.7);
+            let square = v3(normal.x / size.x, normal.y / size.y, normal.z / size.z).unit();
+            self.world((square + lean).unit())
+        };
         let surface = |depth_m: f32, normal: V3, (albedo, glow, gloss): (Rgb, Rgb, f32)| Hit {
             depth_m,
             cover: 1.0,
-            normal: self.normal(normal),
+            normal: bent(depth_m, normal),
             albedo,
             glow,
             gloss,
@@ -292,9 +300,9 @@ impl Solid {
         }
     }
 
-    fn hauler(&self, ray: &Ray, around: &Surroundings) -> Option<Hit> {
+    fn hauler(&self, ray: &Ray, around: &Surroundings, most_m: f32) -> Option<Hit> {
         let (from, to) = self.scaled(ray);
-        let (depth_m, face) = clip(&BOX, from, to)?;
+        let (depth_m, face) = clip(&BOX, from, to).filter(|(depth_m, _)| *depth_m < most_m)?;
         let at = from + to * depth_m;
         if self.sees_through(at, face, 0.32) {
             return None;
@@ -317,6 +325,8 @@ impl Solid {
             FRONT | REAR if at.z * self.size.z < CLEARANCE_M => (RUBBER, grey(0.0), 0.0),
             FRONT if at.z > 0.45 && at.z < 0.85 && at.y.abs() < 0.45 => (GLASS, grey(0.0), 0.8),
             FRONT if at.z < 0.3 => self.nose(v3(at.x, at.y, at.z * 2.0), around),
+            // The frame below the box.
+            REAR if at.z < 0.165 && at.y.abs() < 0.3 => (grey(0.035), grey(0.0), 0.1),
             REAR if at.z < 0.3 => self.tail(v3(at.x, at.y, at.z * 2.4), around),
             REAR if !is_bus => {
                 let seam = at.y.abs() < 0.012 || at.y.abs() > 0.47 || at.z > 0.97;
@@ -347,9 +357,9 @@ impl Solid {
         }
     }
 
-    fn building(&self, ray: &Ray, around: &Surroundings) -> Option<Hit> {
+    fn building(&self, ray: &Ray, around: &Surroundings, most_m: f32) -> Option<Hit> {
         let (from, to) = self.scaled(ray);
-        let (depth_m, face) = clip(&BOX, from, to)?;
+        let (depth_m, face) = clip(&BOX, from, to).filter(|(depth_m, _)| *depth_m < most_m)?;
         let at = from + to * depth_m;
         let (albedo, glow, gloss) = self.facade(at, face, depth_m * ray.pixel_rad, around);
         Some(Hit {
@@ -414,9 +424,9 @@ impl Solid {
         )
     }
 
-    fn tree(&self, ray: &Ray, noise: &Texture) -> Option<Hit> {
+    fn tree(&self, ray: &Ray, noise: &Texture, most_m: f32) -> Option<Hit> {
         let trunk = self.trunk(ray, noise);
-        let crown = self.crown(ray, noise);
+        let crown = self.crown(ray, noise, most_m);
         match (trunk, crown) {
             (Some(trunk), Some(crown)) if crown.cover > 0.6 || crown.depth_m < trunk.depth_m => {
                 Some(crown)
@@ -439,7 +449,7 @@ impl Solid {
         })
     }
 
-    fn crown(&self, ray: &Ray, noise: &Texture) -> Option<Hit> {
+    fn crown(&self, ray: &Ray, noise: &Texture, most_m: f32) -> Option<Hit> {
         let radii = v3(self.size.x / 2.0, self.size.x / 2.0, self.size.z * 0.36);
         let middle = self.foot + v3(0.0, 0.0, self.size.z * 0.64);
         let by = v3(1.0 / radii.x, 1.0 / radii.y, 1.0 / radii.z);
@@ -450,7 +460,7 @@ impl Solid {
             return None;
         }
         let depth_m = (-b - root.sqrt()) / a;
-        if depth_m <= 0.1 {
+        if depth_m <= 0.1 || depth_m >= most_m {
             return None;
         }
         let at = from + to * depth_m;

@@ -141,6 +141,8 @@ fn house(building: &Building, foot: V3, index: u32) -> Solid {
 pub(super) struct Squares {
     columns: usize,
     lists: Vec<Vec<u32>>,
+    /// Left, top, right and bottom of every solid, in pixels.
+    bounds: Vec<[f32; 4]>,
 }
 
 impl Squares {
@@ -149,6 +151,7 @@ impl Squares {
         let rows = rays.height.div_ceil(SQUARE_PX);
         let mut lists = vec![Vec::new(); columns * rows];
         let cameras = [0.0, 1.0].map(|share| way.local_from_camera(share).inverse());
+        let mut bounds = vec![[f32::INFINITY; 4]; solids.len()];
         for (index, solid) in (0_u32..).zip(solids) {
             let Some([left, top, right, bottom]) = outline(solid, way, rays.limit, &cameras) else {
                 continue;
@@ -158,18 +161,28 @@ impl Squares {
             if right < 0.0 || bottom < 0.0 || left > rays.width as f64 || top > rays.height as f64 {
                 continue;
             }
+            bounds[index as usize] = [left, top, right, bottom].map(|px| px as f32);
             for row in square(top, rows)..=square(bottom, rows) {
                 for column in square(left, columns)..=square(right, columns) {
                     lists[row * columns + column].push(index);
                 }
             }
         }
-        Self { columns, lists }
+        Self {
+            columns,
+            lists,
+            bounds,
+        }
     }
 
     /// Solids that the pixel may see.
-    pub(super) fn at(&self, x: usize, y: usize) -> &[u32] {
-        &self.lists[y / SQUARE_PX * self.columns + x / SQUARE_PX]
+    pub(super) fn at(&self, x: usize, y: usize) -> impl Iterator<Item = u32> {
+        let list = &self.lists[y / SQUARE_PX * self.columns + x / SQUARE_PX];
+        let (x, y) = (x as f32, y as f32);
+        list.iter().copied().filter(move |&index| {
+            let [left, top, right, bottom] = self.bounds[index as usize];
+            x >= left && x <= right && y >= top && y <= bottom
+        })
     }
 }
 
