@@ -7,6 +7,7 @@
 //! true map) -> `edit` (the map with known errors, and the truth) on the one hand, and
 //! `course` (how a vehicle moves) -> `receiver`, `detector` (what it measures) -> `drive` (its log)
 //! on the other. `write` joins them.
+//! [`render`] takes pictures of a [`World`].
 //!
 //! Frames: the city is planar, in the east-north-up frame of [`CitySpec::anchor`]; stations are
 //! metres along the street, offsets metres to its left.

@@ -11,7 +11,7 @@ mod bloom;
 mod drops;
 
 /// Most samples along a motion.
-const MOST_TAPS: f32 = 24.0;
+const MOST_TAPS: f32 = 14.0;
 /// Where the mean of the picture comes to lie, and how far exposure goes for that.
 const MEAN: f32 = 0.17;
 const GAINS: (f32, f32) = (0.35, 120.0);

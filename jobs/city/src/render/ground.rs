@@ -141,11 +141,10 @@ impl GroundPicture<'_> {
         let grain = t.grain.at(texel, 1.0, foot_m) - 0.5;
         let fine = t.blots.at(texel, 4.0, foot_m) - 0.5;
         let broad = t.blots.at(askew, 128.0, foot_m * 2.2) - 0.5;
-        let wide = t.blots.at(texel, 256.0, foot_m) - 0.5;
-        let mut shade = 0.112 * (1.0 + 0.6 * grain + 0.16 * fine + 0.3 * broad + 0.35 * wide);
+        let mut shade = 0.112 * (1.0 + 0.6 * grain + 0.16 * fine + 0.5 * broad);
         shade *= 1.0 - 0.13 * ground.track;
         // Hair cracks where the road is old.
-        let old = smooth(0.1, 0.35, wide + 0.4 * broad);
+        let old = smooth(0.08, 0.35, broad);
         if old > 0.0 && foot_m < 0.4 {
             let vein = 1.0
                 - smooth(

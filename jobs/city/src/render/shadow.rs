@@ -15,8 +15,9 @@ const SOFT: f32 = 0.008;
 
 #[derive(Debug, Clone)]
 enum Caster {
-    /// A convex outline, counter-clockwise, and the width of its soft border.
-    Hull(Vec<V2>, f32),
+    /// The corners of a convex outline, each with the direction that leads outwards from the side
+    /// that begins there; and the width of the soft border.
+    Hull(Vec<(V2, V2)>, f32),
     /// A crown: its middle, the direction in which it is stretched, and its two radii.
     Crown(V2, V2, V2),
 }
@@ -92,12 +93,9 @@ impl Caster {
         match self {
             Self::Hull(outline, soft_m) => {
                 let width_m = foot_m.max(*soft_m);
-                let last = outline.len() - 1;
-                let outside = (0..outline.len()).map(|index| {
-                    let from = outline[if index == 0 { last } else { index - 1 }];
-                    let side = (outline[index] - from).unit();
-                    side.cross(place - from) * -1.0
-                });
+                let outside = outline
+                    .iter()
+                    .map(|(corner, outwards)| (place - *corner).dot(*outwards));
                 let outside_m = outside.fold(f32::NEG_INFINITY, f32::max);
                 (0.5 - outside_m / width_m).clamp(0.0, 1.0)
             }
@@ -154,9 +152,19 @@ fn cast(solid: &Solid, to_sun: V3) -> Option<(Caster, (V2, V2, f32))> {
     }
     let soft_m = (way.norm() * SOFT).max(0.02);
     Some((
-        Caster::Hull(hull(points), soft_m),
+        Caster::Hull(sided(&hull(points)), soft_m),
         (foot, foot + way, half.norm() + soft_m),
     ))
+}
+
+/// Corners of an outline that goes counter-clockwise, with the direction outwards of the side after
+/// each.
+fn sided(outline: &[V2]) -> Vec<(V2, V2)> {
+    let next = outline.iter().cycle().skip(1);
+    let sides = outline.iter().zip(next);
+    sides
+        .map(|(&from, &to)| (from, -(to - from).unit().left()))
+        .collect()
 }
 
 /// The convex hull, counter-clockwise (Andrew, 1979).

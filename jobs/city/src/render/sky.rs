@@ -40,8 +40,8 @@ impl Sky {
         let glow = if night { v3(1.3, 0.9, 0.6) } else { grey(1.0) };
         Self {
             to_sun: v3(east * cos, north * cos, sin),
-            sunlight: sun_color * (0.85 * conditions.sun as f32),
-            skylight: v3(0.26, 0.30, 0.36).mix(grey(0.55), clouds) * strength,
+            sunlight: sun_color * conditions.sun as f32,
+            skylight: v3(0.13, 0.155, 0.20).mix(grey(0.55), clouds) * strength,
             zenith: blue * strength,
             horizon: pale * glow * strength,
             clouds,

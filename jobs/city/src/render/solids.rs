@@ -205,17 +205,17 @@ impl Solid {
         if face == FRONT || face == REAR {
             return at.y.abs() < 0.36;
         }
-        self.from_axle_m(at, axle) > WHEEL_M
+        self.axle_away_m(at, axle) > WHEEL_M
     }
 
-    fn from_axle_m(&self, at: V3, axle: f32) -> f32 {
+    fn axle_away_m(&self, at: V3, axle: f32) -> f32 {
         let along_m = (at.x.abs() - axle).abs() * self.size.x;
         along_m.hypot(at.z * self.size.z - WHEEL_M)
     }
 
     /// Tyre, rim or the dark of the arch; none where there is no wheel.
     fn wheel(&self, at: V3, axle: f32) -> Option<(Rgb, Rgb, f32)> {
-        let away_m = self.from_axle_m(at, axle);
+        let away_m = self.axle_away_m(at, axle);
         let look = |albedo, gloss| Some((albedo, grey(0.0), gloss));
         match away_m {
             away_m if away_m < RIM_M => look(grey(0.22), 0.3),
@@ -425,14 +425,12 @@ impl Solid {
     }
 
     fn tree(&self, ray: &Ray, noise: &Texture, most_m: f32) -> Option<Hit> {
-        let trunk = self.trunk(ray, noise);
         let crown = self.crown(ray, noise, most_m);
-        match (trunk, crown) {
-            (Some(trunk), Some(crown)) if crown.cover > 0.6 || crown.depth_m < trunk.depth_m => {
-                Some(crown)
-            }
-            (trunk, crown) => trunk.or(crown),
+        // Leaves before the trunk hide most of it.
+        if crown.is_some_and(|crown| crown.cover > 0.6) {
+            return crown;
         }
+        self.trunk(ray, noise).or(crown)
     }
 
     fn trunk(&self, ray: &Ray, noise: &Texture) -> Option<Hit> {

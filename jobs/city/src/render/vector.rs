@@ -140,6 +140,13 @@ impl Sub for V2 {
     }
 }
 
+impl Neg for V2 {
+    type Output = Self;
+    fn neg(self) -> Self {
+        v2(-self.x, -self.y)
+    }
+}
+
 impl Mul<f32> for V2 {
     type Output = Self;
     fn mul(self, by: f32) -> Self {
