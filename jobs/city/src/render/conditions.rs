@@ -143,9 +143,9 @@ impl Conditions {
             Category::Shadow => Self {
                 sun: random.between(0.9, 1.0),
                 clouds: random.between(0.0, 0.25),
-                sun_elevation_rad: random.between(0.7, 1.1),
-                // Along the street rather than across: across it, houses shade all of it.
-                sun_yaw_rad: yaw_rad + random.sign() * random.between(0.35, 0.95),
+                sun_elevation_rad: random.between(0.65, 1.0),
+                // From the side, but not right across: houses would shade all of the street.
+                sun_yaw_rad: yaw_rad + random.sign() * random.between(0.6, 1.3),
                 trees: random.between(0.7, 1.0),
                 ..day
             },
@@ -199,7 +199,7 @@ impl Conditions {
             sun: 1.0,
             clouds: random.between(0.0, 0.4),
             sun_elevation_rad: random.between(elevation_rad.0, elevation_rad.1),
-            sun_yaw_rad: (yaw_rad + random.normal(0.2)).rem_euclid(TAU),
+            sun_yaw_rad: (yaw_rad + random.normal(0.1)).rem_euclid(TAU),
             veil: veil * random.between(0.6, 1.3),
             haze_per_m: random.between(0.001, 0.004),
             ..self

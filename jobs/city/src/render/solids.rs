@@ -326,7 +326,7 @@ impl Solid {
             FRONT if at.z > 0.45 && at.z < 0.85 && at.y.abs() < 0.45 => (GLASS, grey(0.0), 0.8),
             FRONT if at.z < 0.3 => self.nose(v3(at.x, at.y, at.z * 2.0), around),
             // The frame below the box.
-            REAR if at.z < 0.165 && at.y.abs() < 0.3 => (grey(0.035), grey(0.0), 0.1),
+            REAR if at.z < 0.165 => (grey(0.035), grey(0.0), 0.1),
             REAR if at.z < 0.3 => self.tail(v3(at.x, at.y, at.z * 2.4), around),
             REAR if !is_bus => {
                 let seam = at.y.abs() < 0.012 || at.y.abs() > 0.47 || at.z > 0.97;
