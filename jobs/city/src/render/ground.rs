@@ -108,10 +108,9 @@ impl GroundPicture<'_> {
         let off_m = ground.off_road_m;
         let edge_m = foot_m.max(0.02);
         let beyond = |border_m: f32| smooth(border_m - edge_m, border_m + edge_m, off_m);
-        let road = |_: ()| self.asphalt(texel, foot_m, ground);
         let off_road = beyond(0.0);
         if off_road <= 0.0 {
-            return road(());
+            return self.asphalt(texel, foot_m, ground);
         }
         let blots = self.textures.blots.at(texel, 16.0, foot_m);
         let kerb = v3(0.30, 0.29, 0.27) * (0.8 + 0.4 * blots);
@@ -120,7 +119,7 @@ impl GroundPicture<'_> {
         let edge = beyond(PAVEMENT_M + 0.5 * (blots - 0.5));
         let verge = kerb.mix(slabs.mix(lawn, edge), beyond(KERB_M));
         let road = if off_road < 1.0 {
-            road(())
+            self.asphalt(texel, foot_m, ground)
         } else {
             Surface {
                 albedo: verge,

@@ -40,7 +40,7 @@ const ZEBRA: Pattern = Pattern {
 };
 /// Longest piece of a stroke, in metres: what it touches is looked up by its bounding square.
 const PIECE_M: f32 = 10.0;
-/// Share of a dash, of the double lines of a kind that need one on a side only.
+/// How much of the road the ghost of removed paint hides.
 const GHOST: f32 = 0.22;
 
 /// How a mark looks.
@@ -201,7 +201,7 @@ fn local(origin: Point, point: &Point) -> V2 {
     v2((point[0] - origin[0]) as f32, (point[1] - origin[1]) as f32)
 }
 
-/// Twelve bits of a paint's id that look drawn by lot.
+/// A paint's lots.
 fn lots(paint: &Paint) -> u32 {
     hash(paint.id as i32, (paint.id >> 32) as i32, 21)
 }
