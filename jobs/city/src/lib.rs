@@ -5,6 +5,9 @@
 //! to its paint, with dates -> a drive takes a `route`, moves along it (`course`) amid `traffic`, and
 //! measures: `receiver` its position, `inertial` its heading, `detector` the paint -> `drive` puts
 //! that into a log. `write` joins them. How sensors err is read from parameter files (`noise`).
+//! [`render`] takes pictures of a [`World`].
+//!
+//! Frames: the city's plane, metres east and north of the anchor; heights are above the anchor's.
 
 mod city;
 mod course;
@@ -23,6 +26,7 @@ pub mod noise;
 mod random;
 mod receiver;
 mod relief;
+pub mod render;
 mod route;
 mod spec;
 mod traffic;
