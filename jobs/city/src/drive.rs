@@ -14,16 +14,24 @@ use tilefold_tiler::geodesy::LocalFrame;
 use crate::city::City;
 use crate::course::{Course, Motion};
 use crate::detector::{Detector, Lots};
+use crate::error::CityError;
 use crate::inertial::Inertial;
 use crate::mounting::clock_offset_s;
 use crate::noise::Noise;
+use crate::pictures::{CAMERA_FRAME, Mounted, Pictures};
 use crate::random::Random;
 use crate::receiver::Receiver;
 use crate::route;
+use crate::spec::LogProfile;
 use crate::traffic::Traffic;
 
 /// Topic of the detections.
 pub(crate) const DETECTIONS_TOPIC: &str = "/perception/lanes";
+/// Pictures per second, and how many there are for each message about the camera.
+const PICTURES_HZ: f64 = 5.0;
+const CALIBRATION_EVERY: usize = 5;
+/// Shorter routes are no drive, in steps.
+const LEAST_STEPS: usize = 10;
 const MS: i64 = 1_000_000;
 const DAY_NS: i64 = 86_400_000 * MS;
 
@@ -66,7 +74,25 @@ struct Record {
     frame_id: &'static str,
     stamp_ns: i64,
     log_time_ns: i64,
-    payload: Payload,
+    content: Content,
+}
+
+/// What a message holds.
+enum Content {
+    Said(Payload),
+    /// A picture, taken when its turn comes: a drive's pictures do not fit into memory.
+    Picture {
+        seconds: f64,
+    },
+}
+
+/// A drive that was written.
+pub(crate) struct Written<W> {
+    pub(crate) sink: W,
+    /// The matching truth.
+    pub(crate) matches: Vec<Match>,
+    /// What is in the pictures: a JSON value a line.
+    pub(crate) frames: String,
 }
 
 /// Of which element a detection is.
@@ -78,27 +104,52 @@ pub(crate) struct Match {
 }
 
 impl Drive<'_> {
-    /// Writes the drive's log; drives take turns in ROS 2 and Foxglove messages. Returns the
-    /// matching truth with the sink.
-    pub(crate) fn write<W: Write + Seek>(&self, sink: W) -> Result<(W, Vec<Match>), LogWriteError> {
+    /// Writes the drive's log; drives take turns in ROS 2 and Foxglove messages. `at` says where a
+    /// log failed.
+    pub(crate) fn write<W: Write + Seek>(
+        &self,
+        sink: W,
+        at: impl Fn(LogWriteError) -> CityError,
+    ) -> Result<Written<W>, CityError> {
         let dialect = match self.index % 2 {
             0 => Dialect::Ros2,
             _ => Dialect::Foxglove,
         };
         let vehicle = self.vehicle_id();
         let site = format!("simulated city, seed {}", self.city.spec.seed);
-        let mut log = LogWriter::create(sink, dialect, &vehicle, [("site", site.as_str())])?;
-        let mut matches = Vec::new();
-        for record in self.records(dialect, &mut matches) {
-            log.write(Entry {
-                topic: record.topic,
-                stamp_ns: record.stamp_ns,
-                log_time_ns: record.log_time_ns,
-                frame_id: record.frame_id,
-                payload: &record.payload,
-            })?;
+        let site = [("site", site.as_str())];
+        let mut log = LogWriter::create(sink, dialect, &vehicle, site).map_err(&at)?;
+        let (mut matches, mut frames) = (Vec::new(), String::new());
+        if let Some(course) = self.course() {
+            let under_way = UnderWay::new(self, &course);
+            let mut pictures = under_way.pictures();
+            for record in under_way.records(dialect, &mut matches) {
+                let payload = match (record.content, &mut pictures) {
+                    (Content::Said(payload), _) => payload,
+                    (Content::Picture { .. }, None) => continue,
+                    (Content::Picture { seconds }, Some(pictures)) => {
+                        let (payload, truth) = pictures.take(seconds, record.stamp_ns)?;
+                        // Numbers and names: nothing that JSON cannot hold.
+                        frames += &serde_json::to_string(&truth).unwrap_or_default();
+                        frames.push('\n');
+                        payload
+                    }
+                };
+                let entry = Entry {
+                    topic: record.topic,
+                    stamp_ns: record.stamp_ns,
+                    log_time_ns: record.log_time_ns,
+                    frame_id: record.frame_id,
+                    payload: &payload,
+                };
+                log.write(entry).map_err(&at)?;
+            }
         }
-        Ok((log.finish()?, matches))
+        Ok(Written {
+            sink: log.finish().map_err(&at)?,
+            matches,
+            frames,
+        })
     }
 
     /// The vehicle's id in the log's metadata.
@@ -124,25 +175,12 @@ impl Drive<'_> {
         first_ns + (self.random("start").unit() * spare_ns as f64) as i64 / MS * MS
     }
 
-    fn records(&self, dialect: Dialect, matches: &mut Vec<Match>) -> Vec<Record> {
+    /// The drive's motion; none where there is no road to drive on.
+    fn course(&self) -> Option<Course> {
         let length_m = self.city.spec.drive_km * 1_000.0;
         let steps = route::draw(self.city.world, length_m, &mut self.random("route"));
-        if steps.len() < 10 {
-            return Vec::new();
-        }
-        let course = Course::draw(steps, &mut self.random("course"));
-        let start_ns = self.start_ns(course.seconds());
-        let under_way = UnderWay {
-            drive: self,
-            noise: self.city.noise.of(self.vehicle()),
-            course: &course,
-            start_ns,
-        };
-        let mut records = under_way.fixes();
-        records.extend(under_way.headings(dialect));
-        records.extend(under_way.frames(matches));
-        records.sort_by_key(|record| (record.log_time_ns, record.topic));
-        records
+        let is_drive = steps.len() >= LEAST_STEPS;
+        is_drive.then(|| Course::draw(steps, &mut self.random("course")))
     }
 }
 
@@ -151,10 +189,73 @@ struct UnderWay<'a> {
     drive: &'a Drive<'a>,
     noise: &'a Noise,
     course: &'a Course,
+    traffic: Traffic,
+    mounted: Mounted,
     start_ns: i64,
 }
 
-impl UnderWay<'_> {
+impl<'a> UnderWay<'a> {
+    fn new(drive: &'a Drive<'a>, course: &'a Course) -> Self {
+        let noise = drive.city.noise.of(drive.vehicle());
+        let seed = drive.city.spec.seed;
+        Self {
+            drive,
+            noise,
+            course,
+            traffic: Traffic::draw(&noise.detector.traffic, &mut drive.random("traffic")),
+            mounted: Mounted::draw(noise, &mut Random::new(seed, "camera", drive.vehicle())),
+            start_ns: drive.start_ns(course.seconds()),
+        }
+    }
+
+    /// All messages in the order in which they were recorded.
+    fn records(&self, dialect: Dialect, matches: &mut Vec<Match>) -> Vec<Record> {
+        let mut records = self.fixes();
+        records.extend(self.headings(dialect));
+        match self.drive.city.spec.profile {
+            LogProfile::Detections => records.extend(self.frames(matches)),
+            LogProfile::Camera => records.extend(self.camera()),
+        }
+        records.sort_by_key(|record| (record.log_time_ns, record.topic));
+        records
+    }
+
+    /// The camera at work, if logs hold pictures.
+    fn pictures(&self) -> Option<Pictures<'_>> {
+        let renderer = self.drive.city.renderer.as_ref()?;
+        let lots = (self.drive.random("conditions"), self.drive.random("body"));
+        let seed = self.drive.city.spec.seed ^ u64::from(self.drive.index) << 32;
+        let way = (self.course, &self.traffic);
+        Some(Pictures::new(renderer, way, (&self.mounted, self.noise), lots, seed))
+    }
+
+    /// Pictures to be taken, and what is said of the camera.
+    fn camera(&self) -> Vec<Record> {
+        let clock = Clock::new(PICTURES_HZ, Clock::CAMERA_PHASE_NS, 45 * MS);
+        let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
+        let mut records = Vec::new();
+        for (index, (stamp_ns, seconds)) in self.ticks(clock).enumerate() {
+            if index == 0 {
+                let transform = self.mounted.transform();
+                records.push(record("/tf_static", CAMERA_FRAME, stamp_ns, clock, transform));
+            }
+            if index % CALIBRATION_EVERY == 0 {
+                let said = self.mounted.calibration();
+                records.push(record("/camera/camera_info", CAMERA_FRAME, stamp_ns, clock, said));
+            }
+            records.push(Record {
+                topic: "/camera/image/compressed",
+                frame_id: CAMERA_FRAME,
+                stamp_ns,
+                log_time_ns: stamp_ns + clock.latency_ns,
+                content: Content::Picture {
+                    seconds: seconds - late_s,
+                },
+            });
+        }
+        records
+    }
+
     /// Stamps of a sensor with the seconds since the drive's begin.
     fn ticks(&self, clock: Clock) -> impl Iterator<Item = (i64, f64)> + use<> {
         let start_ns = self.start_ns;
@@ -228,13 +329,11 @@ impl UnderWay<'_> {
             vehicle: Random::new(city.spec.seed, "mounting", self.drive.vehicle()),
         };
         let mut detector = Detector::new(city, self.noise, self.course, lots);
-        let lots = &mut self.drive.random("traffic");
-        let traffic = Traffic::draw(&self.noise.detector.traffic, lots);
         let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
         let mut frames = Vec::new();
         for (stamp_ns, seconds) in self.ticks(clock) {
             let motion = self.course.motion(seconds - late_s);
-            let around = traffic.at(self.course, seconds - late_s);
+            let around = self.traffic.at(self.course, seconds - late_s);
             let seen = detector.look(&motion, &around, stamp_ns, clock.period_s());
             matches.extend(seen.iter().enumerate().map(|(detection, seen)| Match {
                 stamp_ns,
@@ -277,7 +376,7 @@ fn record(
         frame_id,
         stamp_ns,
         log_time_ns: stamp_ns + clock.latency_ns,
-        payload,
+        content: Content::Said(payload),
     }
 }
 

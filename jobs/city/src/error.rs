@@ -97,6 +97,9 @@ pub enum CityError {
         /// The limit.
         most: f64,
     },
+    /// A picture that could not be written.
+    #[error(transparent)]
+    Picture(#[from] crate::render::JpegError),
     /// A log that could not be written.
     #[error("{path}: {source}")]
     Log {

@@ -23,6 +23,7 @@ mod mapped;
 mod mounting;
 mod network;
 pub mod noise;
+mod pictures;
 mod random;
 mod receiver;
 mod relief;

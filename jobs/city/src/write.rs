@@ -10,13 +10,14 @@ use tilefold_formats::map_write::write_lanelet2;
 use tilefold_schemas::element::Element;
 
 use crate::city::City;
-use crate::drive::{DETECTIONS_TOPIC, Drive, Match};
+use crate::drive::{DETECTIONS_TOPIC, Drive, Match, Written};
 use crate::edit::{self, History};
 use crate::error::CityError;
 use crate::ground::Ground;
 use crate::network;
 use crate::noise::NoiseProfile;
-use crate::spec::{CitySpec, Site};
+use crate::render::Renderer;
+use crate::spec::{CitySpec, LogProfile, Site};
 use crate::truth;
 use crate::world::{Paint, World};
 
@@ -74,6 +75,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         world: &world,
         ground: Ground::new(&world),
         noise,
+        renderer: (spec.profile == LogProfile::Camera).then(|| Renderer::new(&world)),
         begin_ns: campaign.begin_ns,
     };
     let drives = files.logs.par_iter().enumerate().map(|(index, path)| {
@@ -161,11 +163,20 @@ fn write_map(path: &Path, elements: &[Element], version: &str) -> Result<(), Cit
 
 /// Writes a drive's log and returns its part of the matching truth: empty if none is wanted.
 fn write_log(path: &Path, drive: &Drive<'_>) -> Result<String, CityError> {
-    let out = BufWriter::new(File::create(path).map_err(at(path))?);
-    let (out, matches) = drive.write(out).map_err(|source| CityError::Log {
+    let log = |source| CityError::Log {
         path: path.to_owned(),
         source,
-    })?;
+    };
+    let out = BufWriter::new(File::create(path).map_err(at(path))?);
+    let Written {
+        sink: out,
+        matches,
+        frames,
+    } = drive.write(out, log)?;
+    if drive.city.renderer.is_some() {
+        let path = path.with_extension("frames.jsonl");
+        fs::write(&path, frames).map_err(at(&path))?;
+    }
     finish(path, out)?;
     match drive.city.spec.matching_truth {
         true => Ok(table(&drive.vehicle_id(), &matches)),
