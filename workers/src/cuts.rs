@@ -94,9 +94,16 @@ pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) 
     let (low, high) = box_ahead(pose);
     map.segments_within(low, high, scratch);
     let mut lines: Vec<CutLine> = Vec::new();
+    let axes = pose.yaw_rad.sin_cos();
     for segment in scratch.iter() {
-        let ahead = Ahead::new(pose, segment);
-        for (range, &range_m) in RANGES_M.iter().enumerate() {
+        let Some(ahead) = Ahead::new(pose, axes, segment) else {
+            continue;
+        };
+        let ranges = RANGES_M.iter().enumerate();
+        for (range, &range_m) in ranges.skip_while(|(_, range_m)| **range_m < ahead.near_m) {
+            if range_m >= ahead.far_m {
+                break;
+            }
             let Some((lateral_m, station_m)) = ahead.cut(range_m) else {
                 continue;
             };
@@ -112,10 +119,14 @@ pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) 
                         last.cuts.push(cut);
                     }
                 }
-                _ => lines.push(CutLine {
-                    line: segment.line,
-                    cuts: vec![cut],
-                }),
+                _ => {
+                    let mut cuts = Vec::with_capacity(RANGES_M.len());
+                    cuts.push(cut);
+                    lines.push(CutLine {
+                        line: segment.line,
+                        cuts,
+                    });
+                }
             }
         }
     }
@@ -157,8 +168,9 @@ struct Ahead {
 }
 
 impl Ahead {
-    fn new(pose: &Pose, segment: &NearSegment) -> Self {
-        let (sin, cos) = pose.yaw_rad.sin_cos();
+    /// The segment from a pose whose yaw has these sine and cosine; none if it does not run along
+    /// the vehicle's direction.
+    fn new(pose: &Pose, (sin, cos): (f64, f64), segment: &NearSegment) -> Option<Self> {
         let vehicle_from_local = |[east, north]: [f64; 2]| {
             let (dx, dy) = (east - pose.east_m, north - pose.north_m);
             [cos * dx + sin * dy, -sin * dx + cos * dy]
@@ -166,24 +178,20 @@ impl Ahead {
         let from = vehicle_from_local(segment.from);
         let to = vehicle_from_local(segment.to);
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        Self {
+        let slope = dy / dx;
+        // A segment square to the vehicle has an infinite or undefined slope: refused here.
+        (slope.abs() <= MAX_SLOPE).then(|| Self {
             from,
-            slope: dy / dx,
+            slope,
             near_m: from[0].min(to[0]),
             far_m: from[0].max(to[0]),
             station_per_range: dx.hypot(dy) / dx,
             from_station_m: segment.from_station_m,
-        }
+        })
     }
 
-    /// Lateral position and station at a range; none if the segment does not get there or does
-    /// not run along the vehicle's direction.
+    /// Lateral position and station at a range between its ends; none too far to the side.
     fn cut(&self, range_m: f64) -> Option<(f64, f64)> {
-        // A segment square to the vehicle has an infinite or undefined slope: refused here.
-        let is_along = self.slope.abs() <= MAX_SLOPE;
-        if !is_along || range_m < self.near_m || range_m >= self.far_m {
-            return None;
-        }
         let ahead_m = range_m - self.from[0];
         let lateral_m = self.from[1] + self.slope * ahead_m;
         (lateral_m.abs() <= SIDE_M).then_some((
@@ -212,8 +220,10 @@ impl Against {
     pub fn new(seen: &CutLine, mapped: &CutLine) -> Option<Self> {
         let (mut n, mut sum, mut square, mut sum_x, mut sum_xx, mut sum_xy) =
             (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut others = mapped.cuts.iter().peekable();
         for cut in &seen.cuts {
-            let Some(other) = mapped.cuts.iter().find(|other| other.range == cut.range) else {
+            while others.next_if(|other| other.range < cut.range).is_some() {}
+            let Some(other) = others.next_if(|other| other.range == cut.range) else {
                 continue;
             };
             let offset = cut.lateral_m - other.lateral_m;

@@ -106,7 +106,7 @@ impl<'a> LocalMap<'a> {
                     from_station_m: segment.from_station_m,
                 }),
         );
-        found.sort_by(|a, b| {
+        found.sort_unstable_by(|a, b| {
             (a.line.cmp(&b.line)).then(a.from_station_m.total_cmp(&b.from_station_m))
         });
     }
