@@ -10,7 +10,7 @@
 
 use crate::cuts::{cut_map, cut_seen};
 use crate::drift::Receivers;
-use crate::local_map::LocalMap;
+use crate::local_map::{LocalMap, Near};
 use crate::look::SeenFrame;
 use crate::pose::Trajectory;
 use crate::profile::{Profile, profiles};
@@ -125,13 +125,13 @@ impl Cells {
                 *cell = Some(profiles(&cut_seen(&frame.lines)));
             }
         }
-        let mut scratch = Vec::new();
+        let mut near = Near::default();
         let mapped: Vec<_> = (first..first + size as i64)
             .map(|cell| {
                 let pose = trajectory.at(cell * CELL_NS + CELL_NS / 2)?;
                 Some((
                     [pose.east_m, pose.north_m],
-                    profiles(&cut_map(&pose, map, &mut scratch)),
+                    profiles(&cut_map(&pose, map, &mut near)),
                 ))
             })
             .collect();

@@ -5,7 +5,7 @@
 //! range: a set of lateral positions seen against a set of lateral positions mapped. Everything
 //! after this (registration, matching, exposure) works on these numbers.
 
-use crate::local_map::{LocalMap, NearSegment};
+use crate::local_map::{LocalMap, Near, NearSegment};
 use crate::look::{Look, SeenLine};
 use crate::pose::Pose;
 
@@ -60,10 +60,10 @@ pub struct CrossCut {
 impl CrossCut {
     /// Cuts the lines of a look and of the map around it.
     #[must_use]
-    pub fn new(look: &Look, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Self {
+    pub fn new(look: &Look, map: &LocalMap<'_>, near: &mut Near) -> Self {
         Self {
             seen: cut_seen(&look.lines),
-            mapped: cut_map(&look.pose, map, scratch),
+            mapped: cut_map(&look.pose, map, near),
         }
     }
 }
@@ -72,17 +72,14 @@ impl CrossCut {
 #[must_use]
 pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
     let cut_line = |(line, seen): (usize, &SeenLine)| {
-        let ranges = RANGES_M.iter().enumerate();
-        let cuts: Vec<Cut> = ranges
-            .filter_map(|(range, &range_m)| {
-                let lateral_m = seen.lateral_m(range_m)?;
-                Some(Cut {
-                    range,
-                    lateral_m,
-                    station_m: 0.0,
-                })
-            })
-            .collect();
+        let mut cuts = Vec::with_capacity(RANGES_M.len());
+        for (range, &range_m) in RANGES_M.iter().enumerate() {
+            cuts.extend(seen.lateral_m(range_m).map(|lateral_m| Cut {
+                range,
+                lateral_m,
+                station_m: 0.0,
+            }));
+        }
         (!cuts.is_empty()).then_some(CutLine { line, cuts })
     };
     lines.iter().enumerate().filter_map(cut_line).collect()
@@ -90,12 +87,12 @@ pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
 
 /// Cuts the map lines around a pose.
 #[must_use]
-pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Vec<CutLine> {
+pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, near: &mut Near) -> Vec<CutLine> {
     let (low, high) = box_ahead(pose);
-    map.segments_within(low, high, scratch);
+    map.segments_within(low, high, near);
     let mut lines: Vec<CutLine> = Vec::new();
     let axes = pose.yaw_rad.sin_cos();
-    for segment in scratch.iter() {
+    for segment in near.found() {
         let Some(ahead) = Ahead::new(pose, axes, segment) else {
             continue;
         };

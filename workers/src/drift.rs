@@ -61,6 +61,8 @@ pub(crate) struct Drift {
     bands: Vec<(isize, Offsets)>,
     jump: f64,
     anywhere: Offsets,
+    /// Where the error is after a jump, times the chance of one.
+    jumped: Offsets,
 }
 
 impl Drift {
@@ -88,26 +90,28 @@ impl Drift {
                 band.or_insert([0.0; STATES])[from] = weight / total;
             }
         }
+        let jump = (JUMPS_PER_S * seconds).min(1.0);
         Self {
             bands: bands.into_iter().collect(),
-            jump: (JUMPS_PER_S * seconds).min(1.0),
+            jump,
             anywhere: *anywhere,
+            jumped: anywhere.map(|chance| jump * chance),
         }
     }
 
-    /// The belief afterwards.
-    pub(crate) fn ahead(&self, belief: &Offsets) -> Offsets {
-        let mut moved = self.anywhere.map(|chance| self.jump * chance);
-        let kept = belief.map(|value| (1.0 - self.jump) * value);
+    /// Moves a belief on.
+    pub(crate) fn ahead(&self, belief: &mut Offsets) {
+        let mut kept = *belief;
+        kept.iter_mut().for_each(|value| *value *= 1.0 - self.jump);
+        belief.copy_from_slice(&self.jumped);
         // Descending: each offset gathers from the lowest to the highest.
         for (shift, weights) in self.bands.iter().rev() {
             let (from, to) = shifted(*shift);
             let chances = kept[from.clone()].iter().zip(&weights[from]);
-            for (moved, (kept, weight)) in moved[to].iter_mut().zip(chances) {
+            for (moved, (kept, weight)) in belief[to].iter_mut().zip(chances) {
                 *moved += kept * weight;
             }
         }
-        moved
     }
 
     /// What a message from afterwards says before.

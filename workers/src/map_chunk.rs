@@ -8,7 +8,7 @@ use crate::clock;
 use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
-use crate::local_map::LocalMap;
+use crate::local_map::{LocalMap, Near};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::pose::{PoseError, Trajectory};
@@ -122,10 +122,10 @@ pub fn map_chunk(chunk: &Chunk, context: &MapContext) -> Result<Evidence, PoseEr
 
 /// Lateral positions of all looks.
 fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
-    let mut scratch = Vec::new();
+    let mut near = Near::default();
     looks
         .iter()
-        .map(|look| CrossCut::new(look, map, &mut scratch))
+        .map(|look| CrossCut::new(look, map, &mut near))
         .collect()
 }
 

@@ -180,26 +180,30 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
     let sigma_m = line_sigma_m(seen.lateral_m);
     let height = (1.0 - OUTLIERS) / (sigma_m * std::f64::consts::TAU.sqrt());
     let reach_m = 4.0 * sigma_m;
-    // Squared distance to the nearest map line, in sigmas.
+    // Squared distance to the nearest map line in sigmas, and the states that have one nearby.
     let mut squares = [f64::INFINITY; STATES];
+    let mut voted: u128 = 0;
     for mapped in mapped {
         // A step of slack for rounding: what is beyond the grid is left out by `near`.
         let Some(offset) = seen.offset_from(mapped, REACH_M + reach_m + STEP_M) else {
             continue;
         };
         let states = near(-offset, reach_m);
+        voted |= ((1 << states.len()) - 1) << states.start;
         for (square, state) in squares[states.clone()].iter_mut().zip(states) {
             let z = (offset_m(state) + offset) / sigma_m;
             *square = square.min(z * z);
         }
     }
-    for (sum, square) in sum.iter_mut().zip(squares) {
-        *sum += if square == f64::INFINITY {
-            nobody
-        } else {
-            let best = height * (-0.5 * square).exp();
-            (OUTLIERS + best * share * CLUTTER_WIDTH_M).ln()
-        };
+    let mut votes = [nobody; STATES];
+    while voted != 0 {
+        let state = voted.trailing_zeros() as usize;
+        let best = height * (-0.5 * squares[state]).exp();
+        votes[state] = (OUTLIERS + best * share * CLUTTER_WIDTH_M).ln();
+        voted &= voted - 1;
+    }
+    for (sum, vote) in sum.iter_mut().zip(votes) {
+        *sum += vote;
     }
 }
 
@@ -218,7 +222,9 @@ fn forward(steps: &[Step], drifts: &mut Drifts, mut show: impl FnMut(&Offsets)) 
     let mut belief = drifts.stationary;
     for (index, step) in steps.iter().enumerate() {
         if index > 0 {
-            belief = drifts.over(time_between_ns(steps, index)).ahead(&belief);
+            drifts
+                .over(time_between_ns(steps, index))
+                .ahead(&mut belief);
         }
         log_likelihood += step.best_nats + multiply(&mut belief, &step.likelihood).ln();
         show(&belief);
@@ -266,11 +272,11 @@ fn multiply(belief: &mut Offsets, factor: &Offsets) -> f64 {
 fn peak(posterior: &Offsets) -> Registration {
     let reach = (PEAK_M / STEP_M).round() as usize;
     let window = |centre: usize| centre.saturating_sub(reach)..=(centre + reach).min(STATES - 1);
-    let mass = |centre: usize| -> f64 { posterior[window(centre)].iter().sum() };
+    let masses: Offsets = std::array::from_fn(|centre| posterior[window(centre)].iter().sum());
     let best = (0..STATES)
-        .max_by(|&a, &b| mass(a).total_cmp(&mass(b)).then(b.cmp(&a)))
+        .max_by(|&a, &b| masses[a].total_cmp(&masses[b]).then(b.cmp(&a)))
         .unwrap_or(STATES / 2);
-    let confidence = mass(best);
+    let confidence = masses[best];
     let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
         window(best)
             .map(|state| posterior[state] * value(state))
