@@ -8,10 +8,12 @@
 //! grid are weighed by the likelihood of the registration chain; no lag is the likeliest before
 //! anything was seen.
 
-use crate::cuts::{CutLine, cut_map, cut_seen};
-use crate::local_map::LocalMap;
+use crate::cuts::{cut_map, cut_seen};
+use crate::drift::Receivers;
+use crate::local_map::{LocalMap, Near};
 use crate::look::SeenFrame;
 use crate::pose::Trajectory;
+use crate::profile::{Profile, profiles};
 use crate::register::{Glance, log_likelihood};
 
 /// Grid of times, in nanoseconds: frames, poses and lags are sampled on it.
@@ -67,7 +69,12 @@ pub fn estimate(frames: &[SeenFrame], trajectory: &Trajectory, map: &LocalMap<'_
         };
     }
     let with_prior = |(lag, nats): (i64, f64)| (lag, nats + prior_nats(lag));
-    let coarse: LagScores = cells.coarse().into_iter().map(with_prior).collect();
+    let mut receivers = Receivers::default();
+    let coarse: LagScores = cells
+        .coarse(&mut receivers)
+        .into_iter()
+        .map(with_prior)
+        .collect();
     let best = |scores: &[(i64, f64)]| {
         let better =
             |a: &(i64, f64), b: &(i64, f64)| a.1.total_cmp(&b.1).then(b.0.abs().cmp(&a.0.abs()));
@@ -77,7 +84,7 @@ pub fn estimate(frames: &[SeenFrame], trajectory: &Trajectory, map: &LocalMap<'_
     let reach = COARSE_CELLS as i64 - 1;
     let fine = (around - reach..=around + reach)
         .filter(|lag| (lag - MIN_LAG_CELLS) % COARSE_CELLS as i64 != 0)
-        .map(|lag| with_prior((lag, cells.score(lag))));
+        .map(|lag| with_prior((lag, cells.score(lag, &mut receivers))));
     let scores: LagScores = coarse.iter().copied().chain(fine).collect();
     let (lag, top) = best(&scores);
     // Posterior mass, each coarse lag standing for its neighbours.
@@ -98,9 +105,9 @@ pub fn estimate(frames: &[SeenFrame], trajectory: &Trajectory, map: &LocalMap<'_
 struct Cells {
     first: i64,
     /// Lines seen in each cell, by its first frame.
-    seen: Vec<Option<Vec<CutLine>>>,
+    seen: Vec<Option<Vec<Profile>>>,
     /// Place of the vehicle in each cell, and map lines around it.
-    mapped: Vec<Option<([f64; 2], Vec<CutLine>)>>,
+    mapped: Vec<Option<([f64; 2], Vec<Profile>)>>,
     /// Cells whose frames have a pose under every lag, so that all lags explain the same frames.
     judged: Vec<usize>,
 }
@@ -111,20 +118,20 @@ impl Cells {
         let first = frames.first().map_or(0, |frame| cell_of(frame.stamp_ns));
         let last = frames.last().map_or(-1, |frame| cell_of(frame.stamp_ns));
         let size = usize::try_from(last - first + 1).unwrap_or(0);
-        let mut seen: Vec<Option<Vec<CutLine>>> = vec![None; size];
+        let mut seen: Vec<Option<Vec<Profile>>> = vec![None; size];
         for frame in frames {
             let cell = &mut seen[(cell_of(frame.stamp_ns) - first) as usize];
             if cell.is_none() {
-                *cell = Some(cut_seen(&frame.lines));
+                *cell = Some(profiles(&cut_seen(&frame.lines)));
             }
         }
-        let mut scratch = Vec::new();
+        let mut near = Near::default();
         let mapped: Vec<_> = (first..first + size as i64)
             .map(|cell| {
                 let pose = trajectory.at(cell * CELL_NS + CELL_NS / 2)?;
                 Some((
                     [pose.east_m, pose.north_m],
-                    cut_map(&pose, map, &mut scratch),
+                    profiles(&cut_map(&pose, map, &mut near)),
                 ))
             })
             .collect();
@@ -148,15 +155,15 @@ impl Cells {
         }
     }
 
-    fn coarse(&self) -> LagScores {
+    fn coarse(&self, receivers: &mut Receivers) -> LagScores {
         (MIN_LAG_CELLS..=MAX_LAG_CELLS)
             .step_by(COARSE_CELLS)
-            .map(|lag| (lag, self.score(lag)))
+            .map(|lag| (lag, self.score(lag, receivers)))
             .collect()
     }
 
     /// Log-likelihood of a lag, in nats.
-    fn score(&self, lag: i64) -> f64 {
+    fn score(&self, lag: i64, receivers: &mut Receivers) -> f64 {
         let glances: Vec<Glance<'_>> = self
             .judged
             .iter()
@@ -171,6 +178,6 @@ impl Cells {
                 })
             })
             .collect();
-        LAG_WEIGHT * log_likelihood(&glances)
+        LAG_WEIGHT * log_likelihood(&glances, receivers)
     }
 }

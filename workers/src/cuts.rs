@@ -5,7 +5,7 @@
 //! range: a set of lateral positions seen against a set of lateral positions mapped. Everything
 //! after this (registration, matching, exposure) works on these numbers.
 
-use crate::local_map::{LocalMap, NearSegment};
+use crate::local_map::{LocalMap, Near, NearSegment};
 use crate::look::{Look, SeenLine};
 use crate::pose::Pose;
 
@@ -60,10 +60,10 @@ pub struct CrossCut {
 impl CrossCut {
     /// Cuts the lines of a look and of the map around it.
     #[must_use]
-    pub fn new(look: &Look, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Self {
+    pub fn new(look: &Look, map: &LocalMap<'_>, near: &mut Near) -> Self {
         Self {
             seen: cut_seen(&look.lines),
-            mapped: cut_map(&look.pose, map, scratch),
+            mapped: cut_map(&look.pose, map, near),
         }
     }
 }
@@ -72,17 +72,14 @@ impl CrossCut {
 #[must_use]
 pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
     let cut_line = |(line, seen): (usize, &SeenLine)| {
-        let ranges = RANGES_M.iter().enumerate();
-        let cuts: Vec<Cut> = ranges
-            .filter_map(|(range, &range_m)| {
-                let lateral_m = seen.lateral_m(range_m)?;
-                Some(Cut {
-                    range,
-                    lateral_m,
-                    station_m: 0.0,
-                })
-            })
-            .collect();
+        let mut cuts = Vec::with_capacity(RANGES_M.len());
+        for (range, &range_m) in RANGES_M.iter().enumerate() {
+            cuts.extend(seen.lateral_m(range_m).map(|lateral_m| Cut {
+                range,
+                lateral_m,
+                station_m: 0.0,
+            }));
+        }
         (!cuts.is_empty()).then_some(CutLine { line, cuts })
     };
     lines.iter().enumerate().filter_map(cut_line).collect()
@@ -90,13 +87,20 @@ pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
 
 /// Cuts the map lines around a pose.
 #[must_use]
-pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) -> Vec<CutLine> {
+pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, near: &mut Near) -> Vec<CutLine> {
     let (low, high) = box_ahead(pose);
-    map.segments_within(low, high, scratch);
+    map.segments_within(low, high, near);
     let mut lines: Vec<CutLine> = Vec::new();
-    for segment in scratch.iter() {
-        let ahead = Ahead::new(pose, segment);
-        for (range, &range_m) in RANGES_M.iter().enumerate() {
+    let axes = pose.yaw_rad.sin_cos();
+    for segment in near.found() {
+        let Some(ahead) = Ahead::new(pose, axes, segment) else {
+            continue;
+        };
+        let ranges = RANGES_M.iter().enumerate();
+        for (range, &range_m) in ranges.skip_while(|(_, range_m)| **range_m < ahead.near_m) {
+            if range_m >= ahead.far_m {
+                break;
+            }
             let Some((lateral_m, station_m)) = ahead.cut(range_m) else {
                 continue;
             };
@@ -112,10 +116,14 @@ pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, scratch: &mut Vec<NearSegment>) 
                         last.cuts.push(cut);
                     }
                 }
-                _ => lines.push(CutLine {
-                    line: segment.line,
-                    cuts: vec![cut],
-                }),
+                _ => {
+                    let mut cuts = Vec::with_capacity(RANGES_M.len());
+                    cuts.push(cut);
+                    lines.push(CutLine {
+                        line: segment.line,
+                        cuts,
+                    });
+                }
             }
         }
     }
@@ -157,8 +165,9 @@ struct Ahead {
 }
 
 impl Ahead {
-    fn new(pose: &Pose, segment: &NearSegment) -> Self {
-        let (sin, cos) = pose.yaw_rad.sin_cos();
+    /// The segment from a pose whose yaw has these sine and cosine; none if it does not run along
+    /// the vehicle's direction.
+    fn new(pose: &Pose, (sin, cos): (f64, f64), segment: &NearSegment) -> Option<Self> {
         let vehicle_from_local = |[east, north]: [f64; 2]| {
             let (dx, dy) = (east - pose.east_m, north - pose.north_m);
             [cos * dx + sin * dy, -sin * dx + cos * dy]
@@ -166,24 +175,20 @@ impl Ahead {
         let from = vehicle_from_local(segment.from);
         let to = vehicle_from_local(segment.to);
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        Self {
+        let slope = dy / dx;
+        // A segment square to the vehicle has an infinite or undefined slope: refused here.
+        (slope.abs() <= MAX_SLOPE).then(|| Self {
             from,
-            slope: dy / dx,
+            slope,
             near_m: from[0].min(to[0]),
             far_m: from[0].max(to[0]),
             station_per_range: dx.hypot(dy) / dx,
             from_station_m: segment.from_station_m,
-        }
+        })
     }
 
-    /// Lateral position and station at a range; none if the segment does not get there or does
-    /// not run along the vehicle's direction.
+    /// Lateral position and station at a range between its ends; none too far to the side.
     fn cut(&self, range_m: f64) -> Option<(f64, f64)> {
-        // A segment square to the vehicle has an infinite or undefined slope: refused here.
-        let is_along = self.slope.abs() <= MAX_SLOPE;
-        if !is_along || range_m < self.near_m || range_m >= self.far_m {
-            return None;
-        }
         let ahead_m = range_m - self.from[0];
         let lateral_m = self.from[1] + self.slope * ahead_m;
         (lateral_m.abs() <= SIDE_M).then_some((
@@ -212,8 +217,10 @@ impl Against {
     pub fn new(seen: &CutLine, mapped: &CutLine) -> Option<Self> {
         let (mut n, mut sum, mut square, mut sum_x, mut sum_xx, mut sum_xy) =
             (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut others = mapped.cuts.iter().peekable();
         for cut in &seen.cuts {
-            let Some(other) = mapped.cuts.iter().find(|other| other.range == cut.range) else {
+            while others.next_if(|other| other.range < cut.range).is_some() {}
+            let Some(other) = others.next_if(|other| other.range == cut.range) else {
                 continue;
             };
             let offset = cut.lateral_m - other.lateral_m;

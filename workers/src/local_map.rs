@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use rstar::{AABB, RTree, RTreeObject};
+use rstar::{AABB, Envelope, RTree, RTreeObject};
 use tilefold_schemas::ElementKind;
 use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
@@ -10,6 +10,10 @@ use tilefold_tiler::station::Polyline;
 
 /// Mean radius of the earth in metres; only for how far to look in degrees.
 const EARTH_RADIUS_M: f64 = 6_371_000.0;
+
+/// The index is asked for this much more to all sides, in metres, so that its answer serves the
+/// frames that follow.
+const ROUND_M: f64 = 10.0;
 
 /// A linear element in the plane of the chunk.
 #[derive(Debug)]
@@ -92,13 +96,29 @@ impl<'a> LocalMap<'a> {
         }
     }
 
-    /// Segments whose bounding box meets the given one, ordered by line and station.
-    pub fn segments_within(&self, low: [f64; 2], high: [f64; 2], found: &mut Vec<NearSegment>) {
-        found.clear();
-        let envelope = AABB::from_corners(low, high);
-        found.extend(
+    /// Finds the segments whose bounding box meets the given one, ordered by line and station.
+    pub fn segments_within(&self, low: [f64; 2], high: [f64; 2], near: &mut Near) {
+        let asked = AABB::from_corners(low, high);
+        if !near.around.contains_envelope(&asked) {
+            near.around = AABB::from_corners(
+                low.map(|metres| metres - ROUND_M),
+                high.map(|metres| metres + ROUND_M),
+            );
+            self.gather(near);
+        }
+        near.found.clear();
+        let found = near.gathered.iter().filter(|segment| {
+            let envelope = AABB::from_corners(segment.from, segment.to);
+            asked.intersects(&envelope)
+        });
+        near.found.extend(found);
+    }
+
+    fn gather(&self, near: &mut Near) {
+        near.gathered.clear();
+        near.gathered.extend(
             self.segments
-                .locate_in_envelope_intersecting(envelope)
+                .locate_in_envelope_intersecting(near.around)
                 .map(|segment| NearSegment {
                     line: segment.line,
                     from: segment.from,
@@ -106,9 +126,36 @@ impl<'a> LocalMap<'a> {
                     from_station_m: segment.from_station_m,
                 }),
         );
-        found.sort_by(|a, b| {
+        near.gathered.sort_unstable_by(|a, b| {
             (a.line.cmp(&b.line)).then(a.from_station_m.total_cmp(&b.from_station_m))
         });
+    }
+}
+
+/// Segments that were found, and those around them: the next frame asks for nearly the same, so
+/// the index is asked once for many frames. For one map.
+#[derive(Debug)]
+pub struct Near {
+    around: AABB<[f64; 2]>,
+    gathered: Vec<NearSegment>,
+    found: Vec<NearSegment>,
+}
+
+impl Default for Near {
+    fn default() -> Self {
+        Self {
+            around: AABB::new_empty(),
+            gathered: Vec::new(),
+            found: Vec::new(),
+        }
+    }
+}
+
+impl Near {
+    /// What was last asked for.
+    #[must_use]
+    pub fn found(&self) -> &[NearSegment] {
+        &self.found
     }
 }
 

@@ -5,13 +5,14 @@ use tilefold_tiler::chunk::Chunk;
 use tilefold_tiler::map_index::MapIndex;
 
 use crate::clock;
-use crate::cuts::CrossCut;
+use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
-use crate::local_map::LocalMap;
+use crate::local_map::{LocalMap, Near};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::pose::{PoseError, Trajectory};
+use crate::profile::{Profile, profiles};
 use crate::register::{Glance, Registration, register};
 use crate::scale;
 use crate::sight::Sightings;
@@ -80,11 +81,16 @@ pub fn map_chunk_traced(
     if looks.is_empty() {
         return Ok(evidence);
     }
-    let (mut cross_cuts, mut registrations) = lay_on_map(&looks, &map);
+    let mut cross_cuts = cut(&looks, &map);
+    let mut registrations = lay_on_map(&looks, &cross_cuts);
     let factor = scale::estimate(&cross_cuts, &registrations);
     if factor != 1.0 {
         scale::stretch(&mut looks, factor);
-        (cross_cuts, registrations) = lay_on_map(&looks, &map);
+        // Only what was seen has moved: the map's cuts stand.
+        for (cross_cut, look) in cross_cuts.iter_mut().zip(&looks) {
+            cross_cut.seen = cut_seen(&look.lines);
+        }
+        registrations = lay_on_map(&looks, &cross_cuts);
     }
     for registration in &mut registrations {
         registration.confidence *= clock.confidence;
@@ -127,25 +133,32 @@ pub fn map_chunk_traced(
     Ok(evidence)
 }
 
-/// Lateral positions of all looks, and the error of their poses.
-fn lay_on_map(looks: &[Look], map: &LocalMap<'_>) -> (Vec<CrossCut>, Vec<Registration>) {
-    let mut scratch = Vec::new();
-    let cross_cuts: Vec<CrossCut> = looks
+/// Lateral positions of all looks.
+fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
+    let mut near = Near::default();
+    looks
         .iter()
-        .map(|look| CrossCut::new(look, map, &mut scratch))
+        .map(|look| CrossCut::new(look, map, &mut near))
+        .collect()
+}
+
+/// The error of the poses of all looks.
+fn lay_on_map(looks: &[Look], cross_cuts: &[CrossCut]) -> Vec<Registration> {
+    let profiles: Vec<[Vec<Profile>; 2]> = cross_cuts
+        .iter()
+        .map(|cross_cut| [profiles(&cross_cut.seen), profiles(&cross_cut.mapped)])
         .collect();
     let glances: Vec<Glance<'_>> = looks
         .iter()
-        .zip(&cross_cuts)
-        .map(|(look, cross_cut)| Glance {
+        .zip(&profiles)
+        .map(|(look, [seen, mapped])| Glance {
             stamp_ns: look.pose.stamp_ns,
             place_m: [look.pose.east_m, look.pose.north_m],
-            seen: &cross_cut.seen,
-            mapped: &cross_cut.mapped,
+            seen,
+            mapped,
         })
         .collect();
-    let registrations = register(&glances);
-    (cross_cuts, registrations)
+    register(&glances)
 }
 
 /// Metres of way at each look since the first.

@@ -97,8 +97,9 @@ pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
 
 /// Indices of lines from right to left.
 fn by_lateral(lines: &[CutLine]) -> Vec<usize> {
+    let laterals_m: Vec<f64> = lines.iter().map(CutLine::lateral_m).collect();
     let mut order: Vec<usize> = (0..lines.len()).collect();
-    order.sort_by(|&a, &b| lines[a].lateral_m().total_cmp(&lines[b].lateral_m()));
+    order.sort_by(|&a, &b| laterals_m[a].total_cmp(&laterals_m[b]));
     order
 }
 

@@ -375,10 +375,10 @@ fn without_bias(yaws: Vec<(i64, f64)>, courses: &[(i64, f64)]) -> Vec<(i64, f64)
     let mut next_ns = i64::MIN;
     for &(stamp_ns, _) in &differences {
         if stamp_ns >= next_ns {
-            let within = |&&(at, _): &&(i64, f64)| (at - stamp_ns).abs() <= BIAS_WINDOW_NS;
-            let around = differences
+            let from = differences.partition_point(|&(at, _)| at < stamp_ns - BIAS_WINDOW_NS);
+            let around = differences[from..]
                 .iter()
-                .filter(within)
+                .take_while(|&&(at, _)| at <= stamp_ns + BIAS_WINDOW_NS)
                 .map(|&(_, difference)| difference);
             knots.push((stamp_ns, median(around.collect())));
             next_ns = stamp_ns + 1_000_000_000;

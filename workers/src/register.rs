@@ -8,15 +8,16 @@
 //! with a low confidence instead of a wrong pick. An edited line is one vote against those of its
 //! neighbours and of the road before and after it.
 
-use crate::cuts::{Against, CutLine};
+use crate::drift::{Drifts, Receivers};
+use crate::profile::Profile;
 use crate::visibility::line_sigma_m;
 
 /// Largest lateral error that is considered, in metres.
-const REACH_M: f64 = 5.0;
+pub(crate) const REACH_M: f64 = 5.0;
 /// Grid spacing in metres.
-const STEP_M: f64 = 0.1;
+pub(crate) const STEP_M: f64 = 0.1;
 /// Number of grid offsets.
-const STATES: usize = 101;
+pub(crate) const STATES: usize = 101;
 /// Length of a step of the chain.
 const STEP_NS: i64 = 500_000_000;
 /// Share of seen lines that belong to no map line (clutter, edits).
@@ -29,8 +30,6 @@ const CLUTTER_WIDTH_M: f64 = 10.0;
 const LOOKS_PER_STEP: f64 = 0.2;
 /// A step is worth its full looks if the vehicle moved this far, in metres.
 const FULL_STEP_M: f64 = 4.0;
-/// Chance that the error jumps anywhere within a second (multipath).
-const JUMPS_PER_S: f64 = 1e-3;
 /// What belongs to the chosen offset, in metres to either side.
 const PEAK_M: f64 = 0.5;
 
@@ -77,9 +76,9 @@ pub struct Glance<'a> {
     /// Where the trajectory has the vehicle, east and north in metres.
     pub place_m: [f64; 2],
     /// Lines seen.
-    pub seen: &'a [CutLine],
+    pub seen: &'a [Profile],
     /// Map lines.
-    pub mapped: &'a [CutLine],
+    pub mapped: &'a [Profile],
 }
 
 /// Registers all frames of a chunk (context included) against the map, under the kind of GNSS
@@ -87,20 +86,18 @@ pub struct Glance<'a> {
 #[must_use]
 pub fn register(glances: &[Glance<'_>]) -> Vec<Registration> {
     let steps = Step::cut(glances);
-    let kinds = GnssError::KINDS.iter();
-    let chains = kinds.map(|error| Chain::run(&steps, *error));
-    // The first of equals, so that nothing to go by means the better receiver.
-    let best = chains.reduce(|a, b| {
-        if b.log_likelihood > a.log_likelihood {
-            b
-        } else {
-            a
-        }
-    });
-    let Some(best) = best.filter(|_| !steps.is_empty()) else {
+    if steps.is_empty() {
         return Vec::new();
+    }
+    let Receivers([better, ordinary]) = &mut Receivers::default();
+    let log_likelihood = |drifts: &mut Drifts| forward(&steps, drifts, |_| ());
+    // The first of equals, so that nothing to go by means the better receiver.
+    let best = if log_likelihood(ordinary) > log_likelihood(better) {
+        ordinary
+    } else {
+        better
     };
-    let peaks: Vec<Registration> = best.posterior(&steps).iter().map(peak).collect();
+    let peaks: Vec<Registration> = posterior(&steps, best).iter().map(peak).collect();
     glances
         .iter()
         .map(|glance| interpolate(&steps, &peaks, glance.stamp_ns))
@@ -109,24 +106,27 @@ pub fn register(glances: &[Glance<'_>]) -> Vec<Registration> {
 
 /// The log-likelihood alone, in nats: how well frames, poses and map go together.
 #[must_use]
-pub fn log_likelihood(glances: &[Glance<'_>]) -> f64 {
+pub(crate) fn log_likelihood(glances: &[Glance<'_>], receivers: &mut Receivers) -> f64 {
     let steps = Step::cut(glances);
-    let kinds = GnssError::KINDS.iter();
+    let kinds = receivers.0.iter_mut();
     kinds
-        .map(|error| Chain::run(&steps, *error).log_likelihood)
+        .map(|drifts| forward(&steps, drifts, |_| ()))
         .fold(f64::NEG_INFINITY, f64::max)
 }
 
-type Offsets = [f64; STATES];
+pub(crate) type Offsets = [f64; STATES];
 
-fn offset_m(state: usize) -> f64 {
+pub(crate) fn offset_m(state: usize) -> f64 {
     state as f64 * STEP_M - REACH_M
 }
 
 /// A stretch of time with the votes of its frames.
 struct Step {
     centre_ns: i64,
-    log_likelihood: Offsets,
+    /// Log-likelihood of the likeliest offset, in nats.
+    best_nats: f64,
+    /// Likelihood of each offset, relative to the likeliest.
+    likelihood: Offsets,
 }
 
 impl Step {
@@ -134,19 +134,38 @@ impl Step {
         let window = |glance: &Glance<'_>| glance.stamp_ns.div_euclid(STEP_NS);
         glances
             .chunk_by(|a, b| window(a) == window(b))
-            .map(|step| Self {
-                centre_ns: window(&step[0]) * STEP_NS + STEP_NS / 2,
-                log_likelihood: votes(step),
-            })
+            .map(|step| Self::new(window(&step[0]) * STEP_NS + STEP_NS / 2, &votes(step)))
             .collect()
+    }
+
+    fn new(centre_ns: i64, nats: &Offsets) -> Self {
+        let best_nats = nats.iter().copied().fold(f64::MIN, f64::max);
+        // Offsets that no line votes for are alike, and lie side by side.
+        let mut last = (best_nats, 1.0);
+        let likelihood = nats.map(|nats| {
+            if nats != last.0 {
+                last = (nats, (nats - best_nats).exp());
+            }
+            last.1
+        });
+        Self {
+            centre_ns,
+            best_nats,
+            likelihood,
+        }
     }
 }
 
 /// Summed votes of frames, tempered: frames within a step see the same paint.
 fn votes(glances: &[Glance<'_>]) -> Offsets {
     let mut sum = [0.0; STATES];
+    let nobody = OUTLIERS.ln();
     for glance in glances {
-        vote(glance, &mut sum);
+        // Any of the map lines in view could have been the one that is seen.
+        let share = 1.0 / glance.mapped.len().max(1) as f64;
+        for seen in glance.seen {
+            vote(seen, glance.mapped, share, nobody, &mut sum);
+        }
     }
     let (first, last) = (glances[0].place_m, glances[glances.len() - 1].place_m);
     let moved_m = (last[0] - first[0]).hypot(last[1] - first[1]);
@@ -155,104 +174,81 @@ fn votes(glances: &[Glance<'_>]) -> Offsets {
     sum.map(|nats| nats * worth / frames)
 }
 
-/// Adds one frame's log-likelihood of every offset, relative to clutter.
-fn vote(glance: &Glance<'_>, sum: &mut Offsets) {
-    for seen in glance.seen {
-        let mut best = [0.0_f64; STATES];
-        let sigma_m = line_sigma_m(seen.lateral_m());
-        let height = (1.0 - OUTLIERS) / (sigma_m * std::f64::consts::TAU.sqrt());
-        for mapped in glance.mapped {
-            let Some(against) = Against::new(seen, mapped) else {
-                continue;
-            };
-            for (state, best) in near(-against.offset_m, 4.0 * sigma_m, &mut best) {
-                let z = (offset_m(state) + against.offset_m) / sigma_m;
-                *best = best.max(height * (-0.5 * z * z).exp());
-            }
-        }
-        // Any of the map lines in view could have been the one that is seen.
-        let share = 1.0 / glance.mapped.len().max(1) as f64;
-        for (sum, best) in sum.iter_mut().zip(best) {
-            *sum += (OUTLIERS + best * share * CLUTTER_WIDTH_M).ln();
-        }
-    }
-}
-
-/// The states within `reach_m` of an offset, with their values.
-fn near(
-    centre_m: f64,
-    reach_m: f64,
-    values: &mut Offsets,
-) -> impl Iterator<Item = (usize, &mut f64)> {
-    let from = ((centre_m - reach_m + REACH_M) / STEP_M).ceil().max(0.0) as usize;
-    let to = ((centre_m + reach_m + REACH_M) / STEP_M).floor();
-    let size = if to < 0.0 { 0 } else { to as usize + 1 };
-    values
-        .iter_mut()
-        .enumerate()
-        .take(size)
-        .skip(from.min(STATES))
-}
-
-/// The forward pass of the chain under one kind of GNSS error.
-struct Chain {
-    error: GnssError,
-    /// Likelihood of each offset at each step, relative to the best.
-    likelihoods: Vec<Offsets>,
-    /// Belief at each step, given the steps up to it.
-    forward: Vec<Offsets>,
-    log_likelihood: f64,
-}
-
-impl Chain {
-    fn run(steps: &[Step], error: GnssError) -> Self {
-        let mut chain = Self {
-            error,
-            likelihoods: Vec::with_capacity(steps.len()),
-            forward: Vec::with_capacity(steps.len()),
-            log_likelihood: 0.0,
+/// Adds one seen line's log-likelihood of every offset, relative to clutter; `nobody` is that of
+/// an offset which lays it on no map line.
+fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut Offsets) {
+    let sigma_m = line_sigma_m(seen.lateral_m);
+    let height = (1.0 - OUTLIERS) / (sigma_m * std::f64::consts::TAU.sqrt());
+    let reach_m = 4.0 * sigma_m;
+    // Squared distance to the nearest map line in sigmas, and the states that have one nearby.
+    let mut squares = [f64::INFINITY; STATES];
+    let mut voted: u128 = 0;
+    for mapped in mapped {
+        // A step of slack for rounding: what is beyond the grid is left out by `near`.
+        let Some(offset) = seen.offset_from(mapped, REACH_M + reach_m + STEP_M) else {
+            continue;
         };
-        let mut belief = stationary(error);
-        for (index, step) in steps.iter().enumerate() {
-            if index > 0 {
-                belief = Drift::new(error, seconds_between(steps, index)).ahead(&belief);
-            }
-            let best = step.log_likelihood.iter().copied().fold(f64::MIN, f64::max);
-            let likelihood = step.log_likelihood.map(|nats| (nats - best).exp());
-            chain.log_likelihood += best + multiply(&mut belief, &likelihood).ln();
-            chain.likelihoods.push(likelihood);
-            chain.forward.push(belief);
+        let states = near(-offset, reach_m);
+        voted |= ((1 << states.len()) - 1) << states.start;
+        for (square, state) in squares[states.clone()].iter_mut().zip(states) {
+            let z = (offset_m(state) + offset) / sigma_m;
+            *square = square.min(z * z);
         }
-        chain
     }
-
-    /// Posterior of the offset at each step, given all steps.
-    fn posterior(self, steps: &[Step]) -> Vec<Offsets> {
-        let mut posterior = self.forward;
-        let mut message = [1.0; STATES];
-        for index in (0..posterior.len()).rev() {
-            multiply(&mut posterior[index], &message);
-            multiply(&mut message, &self.likelihoods[index]);
-            if index > 0 {
-                message = Drift::new(self.error, seconds_between(steps, index)).back(&message);
-            }
-        }
-        posterior
+    let mut votes = [nobody; STATES];
+    while voted != 0 {
+        let state = voted.trailing_zeros() as usize;
+        let best = height * (-0.5 * squares[state]).exp();
+        votes[state] = (OUTLIERS + best * share * CLUTTER_WIDTH_M).ln();
+        voted &= voted - 1;
+    }
+    for (sum, vote) in sum.iter_mut().zip(votes) {
+        *sum += vote;
     }
 }
 
-fn seconds_between(steps: &[Step], index: usize) -> f64 {
-    (steps[index].centre_ns - steps[index - 1].centre_ns) as f64 * 1e-9
+/// The states within `reach_m` of an offset.
+fn near(centre_m: f64, reach_m: f64) -> std::ops::Range<usize> {
+    let from = ((centre_m - reach_m + REACH_M) / STEP_M).ceil().max(0.0) as usize;
+    let last = ((centre_m + reach_m + REACH_M) / STEP_M).floor();
+    let to = if last < 0.0 { 0 } else { last as usize + 1 }.min(STATES);
+    from.min(to)..to
 }
 
-/// What GNSS says of the offset.
-fn stationary(error: GnssError) -> Offsets {
-    let weights: Offsets = std::array::from_fn(|state| {
-        let z = offset_m(state) / error.sigma_m;
-        (-0.5 * z * z).exp()
-    });
-    let total: f64 = weights.iter().sum();
-    weights.map(|weight| weight / total)
+/// The forward pass of the chain under one kind of GNSS error: shows the belief at each step,
+/// given the steps up to it, and returns the log-likelihood of all.
+fn forward(steps: &[Step], drifts: &mut Drifts, mut show: impl FnMut(&Offsets)) -> f64 {
+    let mut log_likelihood = 0.0;
+    let mut belief = drifts.stationary;
+    for (index, step) in steps.iter().enumerate() {
+        if index > 0 {
+            drifts
+                .over(time_between_ns(steps, index))
+                .ahead(&mut belief);
+        }
+        log_likelihood += step.best_nats + multiply(&mut belief, &step.likelihood).ln();
+        show(&belief);
+    }
+    log_likelihood
+}
+
+/// Posterior of the offset at each step, given all steps.
+fn posterior(steps: &[Step], drifts: &mut Drifts) -> Vec<Offsets> {
+    let mut posterior = Vec::with_capacity(steps.len());
+    forward(steps, drifts, |belief| posterior.push(*belief));
+    let mut message = [1.0; STATES];
+    for index in (0..posterior.len()).rev() {
+        multiply(&mut posterior[index], &message);
+        multiply(&mut message, &steps[index].likelihood);
+        if index > 0 {
+            message = drifts.over(time_between_ns(steps, index)).back(&message);
+        }
+    }
+    posterior
+}
+
+fn time_between_ns(steps: &[Step], index: usize) -> i64 {
+    steps[index].centre_ns - steps[index - 1].centre_ns
 }
 
 /// Pointwise product, normalised to sum 1; returns the sum before. A product that vanishes
@@ -272,82 +268,15 @@ fn multiply(belief: &mut Offsets, factor: &Offsets) -> f64 {
     }
 }
 
-/// How the error moves in some seconds: it forgets a little and is driven a little
-/// (Ornstein-Uhlenbeck), and rarely jumps (multipath).
-struct Drift {
-    /// For each offset, the first reachable one and the chances from there on.
-    rows: Vec<(usize, Vec<f64>)>,
-    jump: f64,
-    anywhere: Offsets,
-}
-
-impl Drift {
-    fn new(error: GnssError, seconds: f64) -> Self {
-        let kept = (-seconds / error.memory_s).exp();
-        let sigma_m = (error.sigma_m * (1.0 - kept * kept).sqrt()).max(0.5 * STEP_M);
-        let reach_m = 3.5 * sigma_m;
-        let rows = (0..STATES).map(|from| {
-            let centre_m = kept * offset_m(from);
-            let state = |metres: f64| ((metres + REACH_M) / STEP_M).clamp(0.0, (STATES - 1) as f64);
-            let (first, last) = (
-                state(centre_m - reach_m) as usize,
-                state(centre_m + reach_m) as usize,
-            );
-            let weights: Vec<f64> = (first..=last)
-                .map(|to| {
-                    let z = (offset_m(to) - centre_m) / sigma_m;
-                    (-0.5 * z * z).exp()
-                })
-                .collect();
-            let total: f64 = weights.iter().sum();
-            (first, weights.iter().map(|weight| weight / total).collect())
-        });
-        Self {
-            rows: rows.collect(),
-            jump: (JUMPS_PER_S * seconds).min(1.0),
-            anywhere: stationary(error),
-        }
-    }
-
-    /// The belief afterwards.
-    fn ahead(&self, belief: &Offsets) -> Offsets {
-        let mut moved = self.anywhere.map(|chance| self.jump * chance);
-        for (value, (first, weights)) in belief.iter().zip(&self.rows) {
-            for (to, weight) in moved[*first..].iter_mut().zip(weights) {
-                *to += (1.0 - self.jump) * value * weight;
-            }
-        }
-        moved
-    }
-
-    /// What a message from afterwards says before.
-    fn back(&self, message: &Offsets) -> Offsets {
-        let jumped: f64 = message
-            .iter()
-            .zip(&self.anywhere)
-            .map(|(m, chance)| m * chance)
-            .sum();
-        std::array::from_fn(|from| {
-            let (first, weights) = &self.rows[from];
-            let kept: f64 = message[*first..]
-                .iter()
-                .zip(weights)
-                .map(|(m, weight)| m * weight)
-                .sum();
-            (1.0 - self.jump) * kept + self.jump * jumped
-        })
-    }
-}
-
 /// The highest peak of a posterior.
 fn peak(posterior: &Offsets) -> Registration {
     let reach = (PEAK_M / STEP_M).round() as usize;
     let window = |centre: usize| centre.saturating_sub(reach)..=(centre + reach).min(STATES - 1);
-    let mass = |centre: usize| -> f64 { posterior[window(centre)].iter().sum() };
+    let masses: Offsets = std::array::from_fn(|centre| posterior[window(centre)].iter().sum());
     let best = (0..STATES)
-        .max_by(|&a, &b| mass(a).total_cmp(&mass(b)).then(b.cmp(&a)))
+        .max_by(|&a, &b| masses[a].total_cmp(&masses[b]).then(b.cmp(&a)))
         .unwrap_or(STATES / 2);
-    let confidence = mass(best);
+    let confidence = masses[best];
     let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
         window(best)
             .map(|state| posterior[state] * value(state))
