@@ -7,6 +7,7 @@ use tilefold_schemas::{ChangeRecord, ElementKind, EvidenceRow, Verdict, fixed, w
 use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::{Polyline, section_count, section_range};
 
+use crate::areas;
 use crate::calibrated::{self, Claim, State};
 use crate::chain;
 use crate::paper;
@@ -21,7 +22,7 @@ const CORRELATION_LENGTH_M: f64 = 30.0;
 /// Prior of removed and of modified: half of 2 % churn each.
 const PRIOR_CHANGE: [f64; 2] = [0.01, 0.01];
 /// A verdict takes at least this many vehicles...
-const MIN_VEHICLES: usize = 2;
+pub(crate) const MIN_VEHICLES: usize = 2;
 /// ... each with at least this much visibility, in fully visible frames.
 const MIN_LOOK: f64 = 1.0;
 /// Below this posterior no hypothesis is called.
@@ -29,10 +30,10 @@ const MIN_POSTERIOR: f64 = 0.5;
 
 /// Posterior of one section: no change, added, removed, modified; and the mean shift.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Judged {
-    posterior: [f64; 4],
-    shift_m: f64,
-    shift_sigma_m: f64,
+pub(crate) struct Judged {
+    pub(crate) posterior: [f64; 4],
+    pub(crate) shift_m: f64,
+    pub(crate) shift_sigma_m: f64,
 }
 
 /// Change records of one element: one if it is of one piece, else one per changed stretch.
@@ -42,16 +43,11 @@ pub fn judge(
     rows: &[&EvidenceRow],
     model: FusionModel,
 ) -> Vec<ChangeRecord> {
+    if mapped.element.kind != ElementKind::LaneMarking {
+        return areas::judge(mapped, rows, model);
+    }
     let length_m = mapped.length_m;
-    let linear = matches!(
-        mapped.element.kind,
-        ElementKind::LaneMarking | ElementKind::StopLine
-    );
-    let count = if linear {
-        section_count(length_m, SECTION_M)
-    } else {
-        1
-    };
+    let count = section_count(length_m, SECTION_M);
     let sections = by_section(rows, mapped, count);
     let judged = match model {
         FusionModel::Paper => sections.iter().map(judge_paper).collect(),
@@ -172,7 +168,7 @@ fn merge_states(posterior: &[f64], states: &[State]) -> Judged {
 
 /// What a posterior says: the likelier of change and no change first, its type next, so that
 /// disagreement on the type never reads as no change.
-fn verdict(posterior: &[f64; 4]) -> Verdict {
+pub(crate) fn verdict(posterior: &[f64; 4]) -> Verdict {
     let [no_change, added, removed, modified] = *posterior;
     if no_change >= MIN_POSTERIOR {
         Verdict::NoChange
@@ -221,7 +217,7 @@ fn stretches(judged: &[Judged], sections: &[Vec<Pass>]) -> Vec<Stretch> {
 }
 
 /// Vehicles that looked at a range of sections well enough to count.
-fn vehicles(sections: &[Vec<Pass>], (from, to): (usize, usize)) -> BTreeSet<i64> {
+pub(crate) fn vehicles(sections: &[Vec<Pass>], (from, to): (usize, usize)) -> BTreeSet<i64> {
     let mut looks: BTreeMap<i64, i64> = BTreeMap::new();
     for pass in sections[from..to].iter().flatten() {
         *looks.entry(pass.vehicle).or_default() += pass.sum_v_fx;
@@ -256,7 +252,8 @@ fn mean_residual(sections: &[Vec<Pass>]) -> Option<(f64, f64)> {
     })
 }
 
-fn record(
+/// The change record of a stretch of sections.
+pub(crate) fn record(
     mapped: &MappedElement,
     sections: &[Vec<Pass>],
     judged: &[Judged],

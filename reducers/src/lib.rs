@@ -2,8 +2,11 @@
 //!
 //! Pure: no disk, no clock, no environment, no randomness. [`passes`] forms the units of
 //! independence, [`paper`] and [`calibrated`] are the two fusion models, [`elements`] judges
-//! mapped elements and [`candidates`] what the map lacks; [`reduce_tile()`] joins them.
+//! mapped elements and [`candidates`] what the map lacks, [`areas`] and [`area_candidates`] the same for stop
+//! lines, crosswalks and ground signs; [`reduce_tile()`] joins them.
 
+pub mod area_candidates;
+pub mod areas;
 pub mod calibrated;
 pub mod candidates;
 pub mod chain;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
-use tilefold_reducers::{FusionModel, TileInput, candidates, reduce_tile};
+use tilefold_reducers::{FusionModel, TileInput, area_candidates, candidates, reduce_tile};
 use tilefold_schemas::{
     ChangeRecord, EvidenceRow, Footprint, LayerHeader, Sighting, TileId, Verdict,
 };
@@ -32,7 +32,12 @@ pub fn additions(
     tile_level: u32,
     model: FusionModel,
 ) -> Vec<ChangeRecord> {
-    candidates::judge(sightings, footprints, map, tile_level, model.name())
+    let name = model.name();
+    let mut additions = candidates::judge(sightings, footprints, map, tile_level, name);
+    additions.extend(area_candidates::judge(
+        sightings, footprints, map, tile_level, name,
+    ));
+    additions
 }
 
 /// Reduces `tiles`: all that they own of elements, rows and additions.
