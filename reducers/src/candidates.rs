@@ -88,7 +88,8 @@ pub fn judge(
 
 /// Sightings in groups that touch, each in canonical order.
 fn components(sightings: &[Sighting]) -> Vec<Vec<&Sighting>> {
-    let mut ordered: Vec<&Sighting> = sightings.iter().collect();
+    let is_line = |sighting: &&Sighting| sighting.kind == ElementKind::LaneMarking.code();
+    let mut ordered: Vec<&Sighting> = sightings.iter().filter(is_line).collect();
     ordered.sort_by_key(|s| (s.first_ns, s.vehicle, s.channel, s.window, s.track));
     let boxes: Vec<([f64; 2], [f64; 2])> = ordered
         .iter()
@@ -410,6 +411,7 @@ impl<'a> LookIndex<'a> {
         let places = footprints
             .iter()
             .enumerate()
+            .filter(|(_, footprint)| footprint.kinds & (1 << ElementKind::LaneMarking.code()) != 0)
             .map(|(index, footprint)| GeomWithData::new(degrees(footprint), index));
         Self {
             footprints,
@@ -698,7 +700,7 @@ fn record(
 
 /// The id of a candidate: of its earliest sighting, and of the node of the followed line at which
 /// the stretch begins.
-fn candidate_id(earliest: &Sighting, from: usize) -> i64 {
+pub(crate) fn candidate_id(earliest: &Sighting, from: usize) -> i64 {
     tilefold_schemas::id::hash_text(&format!(
         "{}:{}:{}:{}:{from}",
         earliest.vehicle, earliest.channel, earliest.first_ns, earliest.track

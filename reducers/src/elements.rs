@@ -7,6 +7,7 @@ use tilefold_schemas::{ChangeRecord, ElementKind, EvidenceRow, Verdict, fixed, w
 use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::{Polyline, section_count, section_range};
 
+use crate::areas;
 use crate::calibrated::{self, Claim, State};
 use crate::chain;
 use crate::fold::{Fold, FusionModel};
@@ -42,16 +43,11 @@ pub fn judge(
     rows: &[&EvidenceRow],
     Fold { model, quorum }: Fold,
 ) -> Vec<ChangeRecord> {
+    if mapped.element.kind != ElementKind::LaneMarking {
+        return areas::judge(mapped, rows, Fold { model, quorum });
+    }
     let length_m = mapped.length_m;
-    let linear = matches!(
-        mapped.element.kind,
-        ElementKind::LaneMarking | ElementKind::StopLine
-    );
-    let count = if linear {
-        section_count(length_m, SECTION_M)
-    } else {
-        1
-    };
+    let count = section_count(length_m, SECTION_M);
     let sections = by_section(rows, mapped, count);
     let judged = match model {
         FusionModel::Paper => sections.iter().map(judge_paper).collect(),
@@ -178,7 +174,7 @@ fn merge_states(posterior: &[f64], states: &[State]) -> Judged {
 
 /// What a posterior says: the likelier of change and no change first, its type next, so that
 /// disagreement on the type never reads as no change.
-fn verdict(posterior: &[f64; 4]) -> Verdict {
+pub(crate) fn verdict(posterior: &[f64; 4]) -> Verdict {
     let [no_change, added, removed, modified] = *posterior;
     if no_change >= MIN_POSTERIOR {
         Verdict::NoChange
@@ -227,7 +223,7 @@ fn stretches(judged: &[Judged], sections: &[Vec<Pass>], quorum: usize) -> Vec<St
 }
 
 /// Vehicles that looked at a range of sections well enough to count.
-fn vehicles(sections: &[Vec<Pass>], (from, to): (usize, usize)) -> BTreeSet<i64> {
+pub(crate) fn vehicles(sections: &[Vec<Pass>], (from, to): (usize, usize)) -> BTreeSet<i64> {
     let mut looks: BTreeMap<i64, i64> = BTreeMap::new();
     for pass in sections[from..to].iter().flatten() {
         *looks.entry(pass.vehicle).or_default() += pass.sum_v_fx;
@@ -262,7 +258,8 @@ fn mean_residual(sections: &[Vec<Pass>]) -> Option<(f64, f64)> {
     })
 }
 
-fn record(
+/// The change record of a stretch of sections.
+pub(crate) fn record(
     mapped: &MappedElement,
     sections: &[Vec<Pass>],
     judged: &[Judged],

@@ -3,8 +3,11 @@
 //! Pure: no disk, no clock, no environment, no randomness. [`passes`] forms the units of
 //! independence, [`paper`] and [`calibrated`] are the two fusion models, [`sensor`] says how
 //! detectors err, [`elements`] judges mapped elements and [`candidates`] what the map lacks, as a
-//! [`fold`] says; [`reduce_tile()`] joins them.
+//! [`fold`] says, [`areas`] and [`area_candidates`] do the same for stop lines, crosswalks and ground
+//! signs; [`reduce_tile()`] joins them.
 
+pub mod area_candidates;
+pub mod areas;
 pub mod calibrated;
 pub mod candidates;
 pub mod chain;

@@ -67,6 +67,8 @@ mod tests {
             residual_eta_fx: 0,
             residual_lambda_fx: 0,
             residual_chi2_fx: 0,
+            along_eta_fx: 0,
+            along_lambda_fx: 0,
             seen: [0; CLASS_BINS],
             first_ns: 0,
             last_ns: 1,

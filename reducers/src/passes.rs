@@ -25,6 +25,10 @@ pub struct Pass {
     pub residual_eta_fx: i64,
     /// Information of the residuals, fixed point.
     pub residual_lambda_fx: i64,
+    /// The same of residuals along the element: sum (1/m), information (1/m^2), fixed point.
+    pub along_eta_fx: i64,
+    /// Information of the residuals along the element, fixed point.
+    pub along_lambda_fx: i64,
     /// Observed classes.
     pub seen: [i32; CLASS_BINS],
     /// First exposure.
@@ -52,6 +56,8 @@ impl Pass {
             ],
             residual_eta_fx: row.residual_eta_fx,
             residual_lambda_fx: row.residual_lambda_fx,
+            along_eta_fx: row.along_eta_fx,
+            along_lambda_fx: row.along_lambda_fx,
             seen: row.seen,
             first_ns: row.first_ns,
             last_ns: row.last_ns,
@@ -72,6 +78,8 @@ impl Pass {
         self.residual_lambda_fx = self
             .residual_lambda_fx
             .saturating_add(other.residual_lambda_fx);
+        self.along_eta_fx = self.along_eta_fx.saturating_add(other.along_eta_fx);
+        self.along_lambda_fx = self.along_lambda_fx.saturating_add(other.along_lambda_fx);
         for (sum, value) in self.seen.iter_mut().zip(other.seen) {
             *sum = sum.saturating_add(value);
         }

@@ -62,6 +62,11 @@ table! {
         pub residual_lambda_fx: i64,
         /// Information-weighted sum of squared lateral residuals (dimensionless).
         pub residual_chi2_fx: i64,
+        /// Information-weighted sum of residuals along the element's direction, in 1/m; 0 for
+        /// lane markings, which have no place along themselves.
+        pub along_eta_fx: i64,
+        /// Sum of the information of residuals along it, in 1/m^2.
+        pub along_lambda_fx: i64,
         /// How often each marking type or sign class was observed.
         pub seen: [i32; CLASS_BINS],
         /// First exposure, nanoseconds since the Unix epoch.
@@ -76,7 +81,7 @@ table! {
 }
 
 table! {
-    /// A stretch of paint that no map element explains, as one chunk saw it.
+    /// Paint that no map element explains, as one chunk saw it.
     pub struct Sighting in "sightings" {
         /// Tile of its first vertex.
         pub tile: i32,
@@ -98,9 +103,11 @@ table! {
         pub frames: i32,
         /// Sum of the visibility over these frames.
         pub sum_v_fx: i64,
-        /// Vertices about every 2 m (WKB `LineString` with z 0, CRS84, rounded to 1e-9 degrees).
+        /// A line's vertices about every 2 m, or the outline of an area (WKB `LineString` or
+        /// `Polygon` with z 0, CRS84, rounded to 1e-9 degrees).
         pub geometry: Vec<u8>,
-        /// Lateral information per vertex, 1/m^2, averaged over vertices.
+        /// Lateral information per vertex, 1/m^2, averaged over vertices; of an area, that of its
+        /// place along the road.
         pub lambda_fx: i64,
         /// How often each marking type or sign class was observed.
         pub seen: [i32; CLASS_BINS],
@@ -128,6 +135,8 @@ table! {
         pub method: i32,
         /// Hash of the perception model.
         pub model: i64,
+        /// What could be seen: bit `1 << code` for every [`crate::ElementKind`].
+        pub kinds: i16,
         /// Capture time of the sample.
         pub stamp_ns: i64,
         /// Registered position, longitude in 1e-9 degrees.

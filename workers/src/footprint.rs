@@ -2,7 +2,7 @@
 //! passes that looked there and saw nothing.
 
 use tilefold_schemas::evidence::METHOD_VERSION;
-use tilefold_schemas::{ChunkId, Footprint, fixed};
+use tilefold_schemas::{ChunkId, ElementKind, Footprint, fixed};
 use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::side::FAR_SIDE_M;
 use tilefold_tiler::tile::{TileError, tile_of};
@@ -80,6 +80,7 @@ impl Footprints {
                 window: chunk.window,
                 method: METHOD_VERSION,
                 model: 0,
+                kinds: 1 << ElementKind::LaneMarking.code(),
                 stamp_ns: sample.stamp_ns,
                 longitude_e9: (longitude_deg * 1e9).round() as i64,
                 latitude_e9: (latitude_deg * 1e9).round() as i64,

@@ -5,8 +5,10 @@
 //! into metres, [`clock`] brings
 //! the two clocks together, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
 //! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen, and
-//! [`testify`], [`sight`] and [`footprint`] write it down. [`map_chunk()`] joins them; [`trace`] is for onlookers.
+//! [`testify`], [`sight`] and [`footprint`] write it down; [`areas`] does the same for stop lines, crosswalks and
+//! ground signs. [`map_chunk()`] joins them; [`trace`] is for onlookers.
 
+pub mod areas;
 mod banded;
 pub mod camera;
 pub mod clock;

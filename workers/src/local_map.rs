@@ -170,7 +170,8 @@ fn segments(line: usize, polyline: &Polyline) -> impl Iterator<Item = Segment> +
     })
 }
 
-fn degrees_around(
+/// South-west and north-east corner, in degrees, of what is within `reach_m` of `places`.
+pub(crate) fn degrees_around(
     frame: &LocalFrame,
     places: impl Iterator<Item = [f64; 2]>,
     reach_m: f64,

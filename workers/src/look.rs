@@ -12,7 +12,7 @@ use crate::pose::{Pose, Trajectory};
 
 /// Trusted range of pixels cast onto flat ground, metres ahead: nearer is the bonnet, farther a
 /// degree of pitch is metres.
-const PIXEL_RANGE_M: (f64, f64) = (3.0, 20.0);
+pub(crate) const PIXEL_RANGE_M: (f64, f64) = (3.0, 20.0);
 
 /// A line that was seen.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,7 +113,8 @@ pub fn place(
     (looks, without_pose_ns)
 }
 
-fn camera(recording: &Recording, tree: &FrameTree) -> Option<Camera> {
+/// The camera that detections in pixels are of.
+pub(crate) fn camera(recording: &Recording, tree: &FrameTree) -> Option<Camera> {
     let calibration = recording.calibrations.last()?;
     let mounting = tree.vehicle_from(&calibration.frame_id)?;
     Camera::new(&calibration.value, mounting).ok()

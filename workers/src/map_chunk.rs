@@ -4,6 +4,7 @@ use tilefold_schemas::{EvidenceRow, Footprint, SetAside, SetAsideKind, Sighting}
 use tilefold_tiler::chunk::Chunk;
 use tilefold_tiler::map_index::MapIndex;
 
+use crate::areas::{self, AreaEvidence, Glimpse, Whose};
 use crate::clock;
 use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
@@ -36,7 +37,7 @@ pub struct MapContext {
 pub struct Evidence {
     /// Ledger rows, by element and section.
     pub rows: Vec<EvidenceRow>,
-    /// Unexplained stretches of paint.
+    /// Unexplained paint.
     pub sightings: Vec<Sighting>,
     /// Where it looked.
     pub footprints: Vec<Footprint>,
@@ -44,6 +45,14 @@ pub struct Evidence {
     pub frames: u64,
     /// What was not used. The file is left empty: the map stage does not know files.
     pub set_aside: Vec<SetAside>,
+}
+
+impl Evidence {
+    fn add_areas(&mut self, areas: AreaEvidence) {
+        self.rows.extend(areas.rows);
+        self.sightings.extend(areas.sightings);
+        self.footprints.extend(areas.footprints);
+    }
 }
 
 /// Maps one chunk.
@@ -101,8 +110,20 @@ pub fn map_chunk_traced(
     let mut sightings = Sightings::default();
     let mut footprints = Footprints::default();
     let ways_m = ways_m(&looks);
+    let seen_areas = areas::seen::collect(recording, &tree, factor);
+    let mut glimpses: Vec<Glimpse<'_>> = Vec::with_capacity(looks.len());
     let (from_ns, to_ns) = chunk.bounds_ns();
     for (index, look) in looks.iter().enumerate() {
+        glimpses.push(Glimpse {
+            look,
+            registration: registrations[index],
+            way_m: ways_m[index],
+            is_own: (from_ns..to_ns).contains(&look.pose.stamp_ns),
+            is_anchored: false,
+            areas: seen_areas
+                .get(&look.pose.stamp_ns)
+                .map_or(&[][..], Vec::as_slice),
+        });
         if !(from_ns..to_ns).contains(&look.pose.stamp_ns) {
             continue;
         }
@@ -116,6 +137,7 @@ pub fn map_chunk_traced(
         trace(&frame, &map);
         ledger.add(&frame);
         if frame.is_anchored() {
+            glimpses[index].is_anchored = true;
             sightings.add(&frame, ways_m[index]);
             footprints.add(&frame, ways_m[index]);
         }
@@ -130,6 +152,17 @@ pub fn map_chunk_traced(
     evidence.footprints = footprints
         .into_rows(chunk.id, &local_frame, &zone, level)
         .unwrap_or_default();
+    let whose = Whose {
+        chunk: chunk.id,
+        frame: &local_frame,
+        tile_level: level,
+        first_track: evidence.sightings.len() as i32,
+    };
+    let places = looks
+        .iter()
+        .map(|look| [look.pose.east_m, look.pose.north_m]);
+    let mapped_areas = areas::mapped::around(&context.map, &local_frame, places, MAP_REACH_M);
+    evidence.add_areas(areas::confront(whose, &mapped_areas, &glimpses).unwrap_or_default());
     Ok(evidence)
 }
 

@@ -279,6 +279,6 @@ impl Track {
 }
 
 /// Degrees rounded to 1e-9, a tenth of a millimetre: what is stored is an integer in disguise.
-fn round_e9(degrees: f64) -> f64 {
+pub(crate) fn round_e9(degrees: f64) -> f64 {
     (degrees * 1e9).round() / 1e9
 }

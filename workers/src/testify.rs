@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
 use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
+use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::station::section_of;
 
@@ -91,7 +92,7 @@ impl<'a> Ledger<'a> {
             let matched = matched.filter(|pair| spot.is_on(&frame.cross_cut.seen[pair.seen]));
             let row = self.row(mapped, &spot);
             expose(row.row, frame.look.pose.stamp_ns, visibility);
-            paper_sums(row.row, visibility, matched);
+            paper_sums(row.row, visibility, opinion(matched));
             match matched {
                 Some(pair) => hit(row, frame, pair),
                 None => row.row.sum_v_miss_fx += fixed::from_f64(visibility),
@@ -128,7 +129,7 @@ impl<'a> Ledger<'a> {
         let row = self
             .rows
             .entry((mapped.line, spot.section))
-            .or_insert_with(|| empty_row(chunk, local, spot.section));
+            .or_insert_with(|| empty_row(chunk, local.mapped, spot.section));
         Row {
             row,
             local,
@@ -160,11 +161,12 @@ struct Row<'r> {
     station_m: f64,
 }
 
-fn empty_row(chunk: ChunkId, local: &LocalLine<'_>, section: u32) -> EvidenceRow {
+/// A row that says nothing yet.
+pub(crate) fn empty_row(chunk: ChunkId, mapped: &MappedElement, section: u32) -> EvidenceRow {
     EvidenceRow {
-        tile: local.mapped.tile.0,
-        element: local.mapped.element.id.0,
-        content: local.mapped.content.0,
+        tile: mapped.tile.0,
+        element: mapped.element.id.0,
+        content: mapped.content.0,
         section: section.cast_signed(),
         vehicle: chunk.vehicle.0,
         channel: chunk.channel,
@@ -185,6 +187,8 @@ fn empty_row(chunk: ChunkId, local: &LocalLine<'_>, section: u32) -> EvidenceRow
         residual_eta_fx: 0,
         residual_lambda_fx: 0,
         residual_chi2_fx: 0,
+        along_eta_fx: 0,
+        along_lambda_fx: 0,
         seen: [0; CLASS_BINS],
         first_ns: i64::MAX,
         last_ns: i64::MIN,
@@ -193,7 +197,8 @@ fn empty_row(chunk: ChunkId, local: &LocalLine<'_>, section: u32) -> EvidenceRow
     }
 }
 
-fn expose(row: &mut EvidenceRow, stamp_ns: i64, visibility: f64) {
+/// Counts an exposure.
+pub(crate) fn expose(row: &mut EvidenceRow, stamp_ns: i64, visibility: f64) {
     let v_fx = fixed::from_f64(visibility);
     row.exposed += 1;
     row.sum_v_fx += v_fx;
@@ -206,18 +211,53 @@ fn expose(row: &mut EvidenceRow, stamp_ns: i64, visibility: f64) {
     }
 }
 
+/// A frame's opinion of an exposed section, as the paper has it: how well it matches, and what the
+/// rest speaks for: added, deleted, modified.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Opinion {
+    pub(crate) score: f64,
+    pub(crate) shares: [f64; 3],
+}
+
+impl Opinion {
+    pub(crate) const UNMATCHED: Self = Self {
+        score: 0.0,
+        shares: [0.0, 1.0, 0.0],
+    };
+
+    pub(crate) fn modified(score: f64) -> Self {
+        Self {
+            score,
+            shares: [0.0, 0.0, 1.0],
+        }
+    }
+
+    pub(crate) fn matched(score: f64) -> Self {
+        Self {
+            score,
+            shares: [1.0 / 3.0; 3],
+        }
+    }
+}
+
+fn opinion(matched: Option<&Match>) -> Opinion {
+    match matched {
+        None => Opinion::UNMATCHED,
+        Some(pair) if pair.is_ambiguous => Opinion::matched(pair.score),
+        Some(pair) if pair.residual_m.abs() > IN_PLACE_M => Opinion::modified(pair.score),
+        Some(pair) => Opinion::matched(pair.score),
+    }
+}
+
 /// Eq 14 to 18 with the decisions of method.md, section 8.
-fn paper_sums(row: &mut EvidenceRow, visibility: f64, matched: Option<&Match>) {
+pub(crate) fn paper_sums(row: &mut EvidenceRow, visibility: f64, opinion: Opinion) {
     if visibility < PAPER_MIN_VISIBILITY {
         return;
     }
-    const THIRD: f64 = 1.0 / 3.0;
-    let (score, [add, del, modified]) = match matched {
-        None => (0.0, [0.0, 1.0, 0.0]),
-        Some(pair) if pair.is_ambiguous => (pair.score, [THIRD; 3]),
-        Some(pair) if pair.residual_m.abs() > IN_PLACE_M => (pair.score, [0.0, 0.0, 1.0]),
-        Some(pair) => (pair.score, [THIRD; 3]),
-    };
+    let Opinion {
+        score,
+        shares: [add, del, modified],
+    } = opinion;
     let weight = |share: f64| fixed::from_f64(visibility * share);
     row.sum_w_no_fx += weight(score);
     row.sum_w_add_fx += weight((1.0 - score) * add);

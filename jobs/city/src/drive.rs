@@ -226,7 +226,13 @@ impl<'a> UnderWay<'a> {
         let lots = (self.drive.random("conditions"), self.drive.random("body"));
         let seed = self.drive.city.spec.seed ^ u64::from(self.drive.index) << 32;
         let way = (self.course, &self.traffic);
-        Some(Pictures::new(renderer, way, (&self.mounted, self.noise), lots, seed))
+        Some(Pictures::new(
+            renderer,
+            way,
+            (&self.mounted, self.noise),
+            lots,
+            seed,
+        ))
     }
 
     /// Pictures to be taken, and what is said of the camera.
@@ -237,11 +243,23 @@ impl<'a> UnderWay<'a> {
         for (index, (stamp_ns, seconds)) in self.ticks(clock).enumerate() {
             if index == 0 {
                 let transform = self.mounted.transform();
-                records.push(record("/tf_static", CAMERA_FRAME, stamp_ns, clock, transform));
+                records.push(record(
+                    "/tf_static",
+                    CAMERA_FRAME,
+                    stamp_ns,
+                    clock,
+                    transform,
+                ));
             }
             if index % CALIBRATION_EVERY == 0 {
                 let said = self.mounted.calibration();
-                records.push(record("/camera/camera_info", CAMERA_FRAME, stamp_ns, clock, said));
+                records.push(record(
+                    "/camera/camera_info",
+                    CAMERA_FRAME,
+                    stamp_ns,
+                    clock,
+                    said,
+                ));
             }
             records.push(Record {
                 topic: "/camera/image/compressed",

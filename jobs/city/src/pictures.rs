@@ -11,8 +11,10 @@ use crate::error::CityError;
 use crate::mounting::{Body, Misalignment};
 use crate::noise::Noise;
 use crate::random::Random;
-use crate::render::{Camera, Category, Conditions, FrameTruth, Lens, Renderer, Shot, TrafficVehicle};
 use crate::render::mounting;
+use crate::render::{
+    Camera, Category, Conditions, FrameTruth, Lens, Renderer, Shot, TrafficVehicle,
+};
 use crate::traffic::{Traffic, Vehicle};
 
 /// Size of the pictures.
@@ -170,8 +172,10 @@ impl<'a> Pictures<'a> {
         let camera = &self.mounted.true_camera;
         let end_s = seconds + conditions.exposure_s + camera.readout_s;
         let around = self.traffic.at(self.course, seconds);
-        let traffic: Vec<TrafficVehicle> =
-            around.iter().map(|vehicle| drawn(vehicle, motion.speed_m_s)).collect();
+        let traffic: Vec<TrafficVehicle> = around
+            .iter()
+            .map(|vehicle| drawn(vehicle, motion.speed_m_s))
+            .collect();
         let shot = Shot {
             time_ns,
             map_from_vehicle: [

@@ -36,7 +36,9 @@ pub(crate) fn page() -> String {
     for command in root.get_subcommands().filter(shown) {
         let name = format!("tilefold {}", command.get_name());
         let bare = command.clone().bin_name(&name).term_width(WIDTH);
-        let bare = COMMON.iter().fold(bare, |bare, option| without(bare, option));
+        let bare = COMMON
+            .iter()
+            .fold(bare, |bare, option| without(bare, option));
         section(&mut page, &name, bare);
     }
     page
@@ -44,7 +46,9 @@ pub(crate) fn page() -> String {
 
 /// The options of all commands are not those of one.
 fn without(command: Command, option: &str) -> Command {
-    let has = command.get_arguments().any(|argument| argument.get_id() == option);
+    let has = command
+        .get_arguments()
+        .any(|argument| argument.get_id() == option);
     match has {
         true => command.mut_arg(option, |argument| argument.hide(true)),
         false => command,

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
-use tilefold_reducers::{Fold, TileInput, candidates, reduce_tile};
+use tilefold_reducers::{Fold, TileInput, area_candidates, candidates, reduce_tile};
 use tilefold_schemas::{
     ChangeRecord, EvidenceRow, Footprint, LayerHeader, Sighting, TileId, Verdict,
 };
@@ -32,7 +32,11 @@ pub fn additions(
     tile_level: u32,
     fold: Fold,
 ) -> Vec<ChangeRecord> {
-    candidates::judge(sightings, footprints, map, tile_level, fold)
+    let mut additions = candidates::judge(sightings, footprints, map, tile_level, fold);
+    additions.extend(area_candidates::judge(
+        sightings, footprints, map, tile_level, fold,
+    ));
+    additions
 }
 
 /// Reduces `tiles`: all that they own of elements, rows and additions.

@@ -1,0 +1,537 @@
+//! Candidates of areas: stop lines, crosswalks and ground signs that the map lacks, by where vehicles
+//! saw one, confronted with every vehicle that looked there.
+//!
+//! A candidate is begun at the sighting that most vehicles agree with and takes all of these; then the
+//! next one is. Ties are broken by time, vehicle and track, never by order of arrival.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rstar::primitives::GeomWithData;
+use rstar::{AABB, RTree};
+use tilefold_schemas::evidence::CLASS_BINS;
+use tilefold_schemas::{ChangeRecord, ElementKind, Footprint, Sighting, Verdict, fixed, wkb};
+use tilefold_tiler::geodesy::LocalFrame;
+use tilefold_tiler::map_index::MapIndex;
+use tilefold_tiler::station::Polyline;
+use tilefold_tiler::tile::tile_of;
+
+use crate::candidates::candidate_id;
+use crate::elements::round_degrees;
+use crate::fold::Fold;
+
+/// Sightings are of one thing if they lie within this of each other: along the way, where a vehicle's
+/// position is worse, and across it, in metres.
+const ALONG_M: f64 = 4.0;
+const ACROSS_M: f64 = 1.6;
+/// Prior that a place where something was sighted has what the map lacks.
+const PRIOR_ADDED: f64 = 0.02;
+/// P(sighting | there, looked at).
+const DETECTION: f64 = 0.75;
+/// P(sighting | nothing there).
+const CLUTTER: f64 = 0.05;
+/// Bound of a vehicle's influence.
+const CONTAMINATION: f64 = 0.05;
+/// A sign is read by who drives within this of its direction (cosine of 45 degrees).
+const READABLE_COS: f64 = 0.707;
+/// An outline and what its place may be off keep this far from the border of what was looked at, in
+/// metres.
+const MARGIN_M: f64 = 2.5;
+/// Metres of a degree of latitude.
+const DEGREE_M: f64 = 111_000.0;
+/// No footprint reaches farther, in metres.
+const REACH_M: f64 = 40.0;
+
+/// A sighting in the plane of its candidate.
+#[derive(Debug, Clone)]
+struct Seen<'a> {
+    sighting: &'a Sighting,
+    points: Vec<[f64; 2]>,
+    centre: [f64; 2],
+    /// Unit vector of the way on which it was seen: the first side of outlines, the left of lines.
+    ahead: [f64; 2],
+}
+
+/// Records of all areas in `sightings` that the map lacks, by owner tile.
+#[must_use]
+pub fn judge(
+    sightings: &[Sighting],
+    footprints: &[Footprint],
+    map: &MapIndex,
+    tile_level: u32,
+    fold: Fold,
+) -> Vec<ChangeRecord> {
+    let looks = AreaLooks::new(footprints);
+    let mut records: Vec<ChangeRecord> = Vec::new();
+    for component in components(sightings) {
+        let Some(frame) = component.first().and_then(|sighting| anchor(sighting)) else {
+            continue;
+        };
+        let seen: Vec<Seen<'_>> = component
+            .iter()
+            .filter_map(|sighting| Seen::new(sighting, &frame))
+            .collect();
+        for cluster in clusters(&seen, fold.quorum) {
+            let candidate = Candidate::new(&cluster);
+            if !candidate.is_mapped(map, &frame) {
+                records.extend(candidate.record(&frame, &looks, tile_level, fold.model.name()));
+            }
+        }
+    }
+    records.sort_by_key(|record| (record.tile, record.change));
+    records
+}
+
+fn anchor(sighting: &Sighting) -> Option<LocalFrame> {
+    let [lon, lat, _] = *wkb::read(&sighting.geometry).ok()?.points.first()?;
+    Some(LocalFrame::new([lon, lat, 0.0]))
+}
+
+/// Sightings of areas of one kind in groups that come near each other, each in canonical order.
+fn components(sightings: &[Sighting]) -> Vec<Vec<&Sighting>> {
+    let is_area = |sighting: &&Sighting| sighting.kind != ElementKind::LaneMarking.code();
+    let mut ordered: Vec<&Sighting> = sightings.iter().filter(is_area).collect();
+    ordered.sort_by_key(|s| (s.first_ns, s.vehicle, s.channel, s.window, s.track));
+    let place = |sighting: &Sighting| {
+        let geometry = wkb::read(&sighting.geometry).ok()?;
+        let [lon, lat, _] = *geometry.points.first()?;
+        Some([lon, lat])
+    };
+    let places: Vec<Option<[f64; 2]>> = ordered.iter().map(|s| place(s)).collect();
+    let entries = places.iter().enumerate();
+    let entries = entries.filter_map(|(index, at)| Some(GeomWithData::new((*at)?, index)));
+    let tree = RTree::bulk_load(entries.collect());
+    let mut is_free: Vec<bool> = places.iter().map(Option::is_some).collect();
+    let mut components = Vec::new();
+    for start in 0..ordered.len() {
+        if !std::mem::replace(&mut is_free[start], false) {
+            continue;
+        }
+        let mut members = vec![start];
+        let mut next = 0;
+        while let Some(&member) = members.get(next) {
+            next += 1;
+            let Some([lon, lat]) = places[member] else {
+                continue;
+            };
+            let (dlon, dlat) = degrees_of(2.0 * ALONG_M, lat);
+            let around = AABB::from_corners([lon - dlon, lat - dlat], [lon + dlon, lat + dlat]);
+            for near in tree.locate_in_envelope(around) {
+                let is_kind = ordered[near.data].kind == ordered[member].kind;
+                if is_kind && std::mem::replace(&mut is_free[near.data], false) {
+                    members.push(near.data);
+                }
+            }
+        }
+        members.sort_unstable();
+        components.push(members.into_iter().map(|index| ordered[index]).collect());
+    }
+    components
+}
+
+/// Degrees of longitude and latitude of a length in metres at a latitude.
+fn degrees_of(metres: f64, latitude_deg: f64) -> (f64, f64) {
+    let latitude = metres / DEGREE_M;
+    let shrink = libm::cos(latitude_deg.to_radians()).max(0.01);
+    (latitude / shrink, latitude)
+}
+
+impl<'a> Seen<'a> {
+    fn new(sighting: &'a Sighting, frame: &LocalFrame) -> Option<Self> {
+        let geometry = wkb::read(&sighting.geometry).ok()?;
+        let points: Vec<[f64; 2]> = geometry.points.iter().map(|&p| plane(frame, p)).collect();
+        let (first, last) = (*points.first()?, *points.last()?);
+        let is_line = sighting.kind == ElementKind::StopLine.code();
+        let to = if is_line { last } else { *points.get(1)? };
+        let (east, north) = (to[0] - first[0], to[1] - first[1]);
+        let length = east.hypot(north);
+        let side = (length > 1e-6).then(|| [east / length, north / length])?;
+        Some(Self {
+            sighting,
+            centre: centre(&points),
+            // The map stage draws lines from right to left, and outlines ahead first.
+            ahead: if is_line { [side[1], -side[0]] } else { side },
+            points,
+        })
+    }
+
+    fn is_near(&self, other: &Self) -> bool {
+        let (dx, dy) = (
+            other.centre[0] - self.centre[0],
+            other.centre[1] - self.centre[1],
+        );
+        let along = self.ahead[0] * dx + self.ahead[1] * dy;
+        let across = -self.ahead[1] * dx + self.ahead[0] * dy;
+        let is_sign = self.sighting.kind == ElementKind::GroundSign.code();
+        let turn = self.ahead[0] * other.ahead[0] + self.ahead[1] * other.ahead[1];
+        along.abs() <= ALONG_M && across.abs() <= ACROSS_M && (!is_sign || turn > READABLE_COS)
+    }
+
+    fn weight(&self) -> f64 {
+        fixed::to_f64(self.sighting.lambda_fx).max(1e-6)
+    }
+}
+
+fn plane(frame: &LocalFrame, [lon, lat, _]: [f64; 3]) -> [f64; 2] {
+    let [east, north, _] = frame.to_enu([lon, lat, 0.0]);
+    [east, north]
+}
+
+fn centre(points: &[[f64; 2]]) -> [f64; 2] {
+    let count = points.len() as f64;
+    [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count)
+}
+
+/// Groups of sightings of one thing, the best supported first. What lies beside a group and was left
+/// over by it is no thing of its own. A group is begun where `quorum` vehicles saw one.
+fn clusters<'s, 'a>(seen: &'s [Seen<'a>], quorum: usize) -> Vec<Vec<&'s Seen<'a>>> {
+    let near: Vec<Vec<usize>> = seen
+        .iter()
+        .map(|one| (0..seen.len()).filter(|&i| one.is_near(&seen[i])).collect())
+        .collect();
+    let mut is_free = vec![true; seen.len()];
+    let mut clusters = Vec::new();
+    loop {
+        let support = |index: usize, is_free: &[bool]| {
+            let members = near[index].iter().filter(|&&other| is_free[other]);
+            let vehicles: BTreeSet<i64> = members.map(|&i| seen[i].sighting.vehicle).collect();
+            vehicles.len()
+        };
+        let best = (0..seen.len())
+            .filter(|&index| is_free[index])
+            .map(|index| (std::cmp::Reverse(support(index, &is_free)), index))
+            .min();
+        let Some((std::cmp::Reverse(vehicles), index)) = best else {
+            return clusters;
+        };
+        if vehicles < quorum {
+            return clusters;
+        }
+        let members: Vec<usize> = near[index]
+            .iter()
+            .copied()
+            .filter(|&other| is_free[other])
+            .collect();
+        // What is near to any of these, too, is theirs, but does not count.
+        for &member in &members {
+            for &other in &near[member] {
+                is_free[other] = false;
+            }
+        }
+        clusters.push(members.into_iter().map(|index| &seen[index]).collect());
+    }
+}
+
+/// Something that the map lacks.
+struct Candidate<'s, 'a> {
+    members: &'s [&'s Seen<'a>],
+    points: Vec<[f64; 2]>,
+    centre: [f64; 2],
+    ahead: [f64; 2],
+}
+
+impl<'s, 'a> Candidate<'s, 'a> {
+    fn new(members: &'s [&'s Seen<'a>]) -> Self {
+        let reference = reference(members);
+        let alike = members
+            .iter()
+            .filter(|member| member.points.len() == reference.points.len());
+        let mut points = vec![[0.0; 2]; reference.points.len()];
+        let mut total = 0.0;
+        for member in alike {
+            let weight = member.weight();
+            total += weight;
+            for (sum, point) in points.iter_mut().zip(turned(&member.points, reference)) {
+                *sum = [0, 1].map(|axis| sum[axis] + weight * point[axis]);
+            }
+        }
+        for point in &mut points {
+            *point = point.map(|value| value / total);
+        }
+        Self {
+            members,
+            centre: centre(&points),
+            points,
+            ahead: reference.ahead,
+        }
+    }
+
+    fn kind(&self) -> Option<ElementKind> {
+        ElementKind::from_code(self.members[0].sighting.kind)
+    }
+
+    /// Whether the map has one of the kind so near that this is it.
+    fn is_mapped(&self, map: &MapIndex, frame: &LocalFrame) -> bool {
+        let [lon, lat, _] = frame.to_wgs84([self.centre[0], self.centre[1], 0.0]);
+        let (dlon, dlat) = degrees_of(2.0 * ALONG_M, lat);
+        let near = map.within([lon - dlon, lat - dlat], [lon + dlon, lat + dlat]);
+        near.iter()
+            .filter(|mapped| Some(mapped.element.kind) == self.kind())
+            .any(|mapped| {
+                let points = mapped.element.points.iter().map(|&p| plane(frame, p));
+                let centre = centre(&points.collect::<Vec<_>>());
+                let (dx, dy) = (centre[0] - self.centre[0], centre[1] - self.centre[1]);
+                let along = self.ahead[0] * dx + self.ahead[1] * dy;
+                let across = -self.ahead[1] * dx + self.ahead[0] * dy;
+                along.abs() <= ALONG_M && across.abs() <= ACROSS_M
+            })
+    }
+
+    fn record(
+        &self,
+        frame: &LocalFrame,
+        looks: &AreaLooks<'_>,
+        tile_level: u32,
+        model_name: &str,
+    ) -> Option<ChangeRecord> {
+        let kind = self.kind()?;
+        let sighted: BTreeSet<i64> = self.members.iter().map(|m| m.sighting.vehicle).collect();
+        let looked = looks.at(self, kind, frame);
+        let nats_fx: i64 = looked
+            .iter()
+            .map(|(vehicle, look)| fixed::from_f64(look.nats(sighted.contains(vehicle))))
+            .sum();
+        let odds = libm::log(PRIOR_ADDED / (1.0 - PRIOR_ADDED)) + fixed::to_f64(nats_fx);
+        let p_added = 1.0 / (1.0 + libm::exp(-odds));
+        if p_added < 0.5 {
+            return None;
+        }
+        let vertices: Vec<[f64; 3]> = self
+            .points
+            .iter()
+            .map(|&[east, north]| {
+                let [lon, lat, _] = frame.to_wgs84([east, north, 0.0]);
+                round_degrees([lon, lat, 0.0])
+            })
+            .collect();
+        let earliest = self.members[0].sighting;
+        let best = self.members.iter().map(|m| m.sighting).max_by_key(|s| {
+            let order = std::cmp::Reverse((s.first_ns, s.vehicle, s.track));
+            (s.sum_v_fx, order)
+        })?;
+        let looks = || looked.values();
+        let length_m = Polyline::of_element(&vertices).map_or(0.0, |(_, line)| line.length_m());
+        Some(ChangeRecord {
+            tile: tile_of(vertices[0][0], vertices[0][1], tile_level).ok()?.0,
+            change: candidate_id(earliest, 0),
+            element: None,
+            content: 0,
+            kind: kind.code(),
+            from_m: 0.0,
+            to_m: (length_m * 1e3).round() / 1e3,
+            verdict: Verdict::Added.code(),
+            p_no_change: 1.0 - p_added,
+            p_added,
+            p_removed: 0.0,
+            p_modified: 0.0,
+            log_odds: odds,
+            vehicles: looked.len() as i32,
+            passes: looked.len() as i32,
+            exposed: looks().map(|look| look.frames).sum(),
+            hit: (self.members.iter())
+                .map(|member| i64::from(member.sighting.frames))
+                .sum(),
+            first_ns: looks()
+                .map(|look| look.first_ns)
+                .min()
+                .unwrap_or(earliest.first_ns),
+            last_ns: looks()
+                .map(|look| look.last_ns)
+                .max()
+                .unwrap_or(earliest.last_ns),
+            shift_m: None,
+            shift_sigma_m: None,
+            class_observed: self.class(),
+            geometry_old: None,
+            geometry_new: Some(match kind {
+                ElementKind::StopLine => wkb::line(&vertices),
+                _ => wkb::polygon(&vertices),
+            }),
+            best_vehicle: best.vehicle,
+            best_ns: best.best_ns,
+            fusion_model: model_name.to_owned(),
+        })
+    }
+
+    /// The class read in most sightings, each counting once; the lower code of equals.
+    fn class(&self) -> Option<i16> {
+        let mut votes = [0_usize; CLASS_BINS];
+        for member in self.members {
+            let seen = &member.sighting.seen;
+            let most = (1..CLASS_BINS).max_by_key(|&bin| (seen[bin], std::cmp::Reverse(bin)));
+            if let Some(bin) = most.filter(|&bin| seen[bin] > 0) {
+                votes[bin] += 1;
+            }
+        }
+        let most = (1..CLASS_BINS).max_by_key(|&bin| (votes[bin], std::cmp::Reverse(bin)))?;
+        (votes[most] > 0).then_some(most as i16)
+    }
+}
+
+/// The outline that the others are laid on: the one with most information, the earliest of equals.
+fn reference<'s, 'a>(members: &'s [&'s Seen<'a>]) -> &'s Seen<'a> {
+    let mut best = members[0];
+    for &member in members {
+        if member.sighting.lambda_fx > best.sighting.lambda_fx {
+            best = member;
+        }
+    }
+    best
+}
+
+/// The vertices of an outline in the order in which they lie nearest to those of the reference: who
+/// comes from the other side begins at another corner.
+fn turned(points: &[[f64; 2]], reference: &Seen<'_>) -> Vec<[f64; 2]> {
+    let count = points.len();
+    let is_line = reference.sighting.kind == ElementKind::StopLine.code();
+    let orders = (0..count).map(|turn| -> Vec<usize> {
+        match (is_line, turn) {
+            (true, 0) => (0..count).collect(),
+            (true, _) => (0..count).rev().collect(),
+            (false, turn) => (0..count).map(|index| (index + turn) % count).collect(),
+        }
+    });
+    let [dx, dy] = {
+        let own = centre(points);
+        [reference.centre[0] - own[0], reference.centre[1] - own[1]]
+    };
+    let misfit = |order: &Vec<usize>| -> f64 {
+        let pairs = order.iter().zip(&reference.points);
+        pairs
+            .map(|(&index, to)| {
+                let [x, y] = points[index];
+                (x + dx - to[0]).powi(2) + (y + dy - to[1]).powi(2)
+            })
+            .sum()
+    };
+    let best = orders.min_by(|a, b| misfit(a).total_cmp(&misfit(b)));
+    best.unwrap_or_default()
+        .into_iter()
+        .map(|index| points[index])
+        .collect()
+}
+
+/// One vehicle's looks at a place.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    visibility: f64,
+    frames: i64,
+    first_ns: i64,
+    last_ns: i64,
+}
+
+impl Look {
+    /// Log-likelihood ratio of "there" against "nothing there", bounded.
+    fn nats(&self, saw: bool) -> f64 {
+        let seen_if_there = self.visibility * DETECTION + (1.0 - self.visibility) * CLUTTER;
+        let (there, nothing) = if saw {
+            (seen_if_there, CLUTTER)
+        } else {
+            (1.0 - seen_if_there, 1.0 - CLUTTER)
+        };
+        let mean = 0.5 * (there + nothing);
+        let mixed = |likelihood: f64| (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
+        libm::log(mixed(there) / mixed(nothing))
+    }
+}
+
+/// Footprints of areas by place, in degrees.
+struct AreaLooks<'a> {
+    footprints: &'a [Footprint],
+    tree: RTree<GeomWithData<[f64; 2], usize>>,
+}
+
+impl<'a> AreaLooks<'a> {
+    fn new(footprints: &'a [Footprint]) -> Self {
+        let lines = 1 << ElementKind::LaneMarking.code();
+        let of_areas = footprints
+            .iter()
+            .enumerate()
+            .filter(|(_, footprint)| footprint.kinds & lines == 0);
+        let places = of_areas.map(|(index, footprint)| {
+            let degrees = [footprint.longitude_e9, footprint.latitude_e9].map(|v| v as f64 * 1e-9);
+            GeomWithData::new(degrees, index)
+        });
+        Self {
+            footprints,
+            tree: RTree::bulk_load(places.collect()),
+        }
+    }
+
+    /// How well each vehicle looked at a candidate; one that saw it looked.
+    fn at(
+        &self,
+        candidate: &Candidate<'_, '_>,
+        kind: ElementKind,
+        frame: &LocalFrame,
+    ) -> BTreeMap<i64, Look> {
+        let mut looks: BTreeMap<i64, Look> = BTreeMap::new();
+        for member in candidate.members {
+            let sighting = member.sighting;
+            let visibility = fixed::to_f64(sighting.sum_v_fx) / f64::from(sighting.frames.max(1));
+            add(
+                &mut looks,
+                sighting.vehicle,
+                Look {
+                    visibility,
+                    frames: 0,
+                    first_ns: sighting.first_ns,
+                    last_ns: sighting.last_ns,
+                },
+            );
+        }
+        let [lon, lat, _] = frame.to_wgs84([candidate.centre[0], candidate.centre[1], 0.0]);
+        let (dlon, dlat) = degrees_of(REACH_M, lat);
+        let around = AABB::from_corners([lon - dlon, lat - dlat], [lon + dlon, lat + dlat]);
+        for entry in self.tree.locate_in_envelope(around) {
+            let footprint = &self.footprints[entry.data];
+            let tells = footprint.kinds & (1 << kind.code()) != 0;
+            if tells && shows(footprint, candidate, kind, frame) {
+                add(
+                    &mut looks,
+                    footprint.vehicle,
+                    Look {
+                        visibility: fixed::to_f64(footprint.v_fx),
+                        frames: i64::from(footprint.frames),
+                        first_ns: footprint.stamp_ns,
+                        last_ns: footprint.stamp_ns,
+                    },
+                );
+            }
+        }
+        looks
+    }
+}
+
+fn add(looks: &mut BTreeMap<i64, Look>, vehicle: i64, look: Look) {
+    let known = looks.entry(vehicle).or_insert(Look { frames: 0, ..look });
+    known.visibility = known.visibility.max(look.visibility);
+    known.frames += look.frames;
+    known.first_ns = known.first_ns.min(look.first_ns);
+    known.last_ns = known.last_ns.max(look.last_ns);
+}
+
+/// Whether the whole of a candidate was before a vehicle at a footprint.
+fn shows(
+    footprint: &Footprint,
+    candidate: &Candidate<'_, '_>,
+    kind: ElementKind,
+    frame: &LocalFrame,
+) -> bool {
+    let degrees = [footprint.longitude_e9, footprint.latitude_e9].map(|v| v as f64 * 1e-9);
+    let [east, north] = plane(frame, [degrees[0], degrees[1], 0.0]);
+    let yaw_rad = f64::from(footprint.yaw_urad) * 1e-6;
+    let (sin, cos) = (libm::sin(yaw_rad), libm::cos(yaw_rad));
+    let along = candidate.ahead[0] * cos + candidate.ahead[1] * sin;
+    if kind == ElementKind::GroundSign && along <= READABLE_COS {
+        return false;
+    }
+    let metres = |mm: i32| f64::from(mm) * 1e-3;
+    candidate.points.iter().all(|&[x, y]| {
+        let (dx, dy) = (x - east, y - north);
+        let (ahead_m, left_m) = (cos * dx + sin * dy, -sin * dx + cos * dy);
+        metres(footprint.range_from_mm) + MARGIN_M <= ahead_m
+            && ahead_m <= metres(footprint.range_to_mm) - MARGIN_M
+            && metres(footprint.right_mm) <= left_m
+            && left_m <= metres(footprint.left_mm)
+    })
+}

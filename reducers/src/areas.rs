@@ -1,0 +1,340 @@
+//! Judging mapped stop lines, crosswalks and ground signs.
+//!
+//! A pass says three things: in how many of the frames that should have shown the thing it was matched,
+//! where its match lay in two dimensions, and what it was read as. Claims are weighed against each
+//! other with these: gone; in its place; in its place, but another class; beside its place. Passes
+//! count once each and move the odds by a bounded amount; all log-likelihoods are quantised once a
+//! pass and summed as integers, so their order does not matter.
+
+use tilefold_schemas::{ChangeRecord, ElementKind, EvidenceRow, SignClass, Verdict, fixed, wkb};
+use tilefold_tiler::map_index::MappedElement;
+use tilefold_tiler::station::Polyline;
+
+use crate::elements::{self, Judged, round_degrees};
+use crate::fold::{Fold, FusionModel};
+use crate::paper::{self, softmax};
+use crate::passes::{Pass, passes};
+
+/// Prior of removed, of another class and of shifted: 2 % churn in all.
+const PRIOR_REMOVED: f64 = 0.01;
+const PRIOR_RETYPED: f64 = 0.005;
+const PRIOR_SHIFTED: f64 = 0.005;
+/// Share of passes that do not see what is there in any frame: another vehicle stands on it.
+const HIDDEN: f64 = 0.12;
+/// P(match in a frame | there, not hidden): mean and concentration over passes.
+const MATCHED: (f64, f64) = (0.7, 3.0);
+/// P(match in a frame | not there), likewise.
+const FALSELY_MATCHED: (f64, f64) = (0.03, 3.0);
+/// A pass's likelihood is mixed with this much of the mean over claims.
+const CONTAMINATION: f64 = 0.03;
+/// Standard deviation of a pass's place apart from what its rows state, in metres: across and along the
+/// way errors of mounting stay for the whole pass.
+const PASS_SIGMA_M: f64 = 0.3;
+/// Share of matches that are of something else, anywhere in the gate.
+const STRAY: f64 = 0.1;
+/// Density of such in one dimension, per metre.
+const STRAY_DENSITY: f64 = 0.2;
+/// Places that are considered, to either side, in steps.
+const STEP_M: f64 = 0.1;
+const STEPS: usize = 30;
+/// How far off its mapped place a thing still is in its place (standard deviation, metres).
+const TOLERANCE_M: f64 = 0.15;
+/// Where shifts begin, and how long they are (standard deviation, metres).
+const SHIFT_FROM_M: f64 = 0.4;
+const SHIFT_SIGMA_M: f64 = 1.2;
+/// P(a frame reads the true class) among recognised ones; the rest are spread over the others.
+const READ_RIGHT: f64 = 0.85;
+/// Frames of a pass read alike: a pass is worth at most this many readings.
+const READINGS: f64 = 1.5;
+/// Square root of the full circle.
+const SQRT_TAU: f64 = 2.506_628_274_631_000_5;
+
+/// Posterior over claims: in place, removed, retyped, shifted; and where it lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Claims {
+    in_place: f64,
+    removed: f64,
+    retyped: f64,
+    shifted: f64,
+    /// Best place to the left and along, with standard deviations, in metres.
+    left: (f64, f64),
+    along: (f64, f64),
+}
+
+/// The change record of one element; rows are those of its present content, in any order.
+#[must_use]
+pub fn judge(
+    mapped: &MappedElement,
+    rows: &[&EvidenceRow],
+    Fold { model, quorum }: Fold,
+) -> Vec<ChangeRecord> {
+    let rows: Vec<&EvidenceRow> = rows
+        .iter()
+        .filter(|row| row.content == mapped.content.0)
+        .copied()
+        .collect();
+    let sections = [passes(&rows)];
+    let claims = weigh(&sections[0], mapped.element.kind, mapped.element.sign);
+    let posterior = match model {
+        FusionModel::Paper => paper::posterior(&sections[0]),
+        FusionModel::Calibrated => [
+            claims.in_place,
+            0.0,
+            claims.removed,
+            claims.retyped + claims.shifted,
+        ],
+    };
+    let judged = [Judged {
+        posterior,
+        shift_m: claims.left.0,
+        shift_sigma_m: claims.left.1,
+    }];
+    let verdict = if elements::vehicles(&sections, (0, 1)).len() < quorum {
+        Verdict::Unknown
+    } else {
+        elements::verdict(&posterior)
+    };
+    let whole = (0, 1);
+    let length_m = mapped.length_m;
+    let mut record = elements::record(mapped, &sections, &judged, verdict, whole, length_m, model);
+    // `elements` takes what has one section for as long as that; an area is judged as a whole.
+    record.geometry_old = Some(outline(mapped, [0.0; 2]));
+    record.geometry_new = None;
+    if mapped.element.kind != ElementKind::GroundSign {
+        record.class_observed = None;
+    }
+    if verdict == Verdict::Modified {
+        let is_shifted = claims.shifted >= claims.retyped;
+        let place = if is_shifted {
+            [claims.along.0, claims.left.0]
+        } else {
+            record.shift_m = None;
+            record.shift_sigma_m = None;
+            [0.0; 2]
+        };
+        record.geometry_new = Some(outline(mapped, place));
+    }
+    vec![record]
+}
+
+/// The element's outline moved along and to the left of its direction, in metres.
+fn outline(mapped: &MappedElement, [along_m, left_m]: [f64; 2]) -> Vec<u8> {
+    let is_line = mapped.element.kind == ElementKind::StopLine;
+    let points = &mapped.element.points;
+    let moved = Polyline::of_element(points).map_or_else(
+        |_| points.clone(),
+        |(frame, line)| {
+            let [east, north] = direction(&line, is_line);
+            let (de, dn) = (
+                along_m * east - left_m * north,
+                along_m * north + left_m * east,
+            );
+            points
+                .iter()
+                .map(|&point| {
+                    let [e, n, up] = frame.to_enu(point);
+                    round_degrees(frame.to_wgs84([e + de, n + dn, up]))
+                })
+                .collect()
+        },
+    );
+    if is_line {
+        wkb::line(&moved)
+    } else {
+        wkb::polygon(&moved)
+    }
+}
+
+/// Along the first side of an outline, or from end to end of a line, as the map stage has it.
+fn direction(line: &Polyline, is_line: bool) -> [f64; 2] {
+    let points = line.points();
+    let to = if is_line {
+        points[points.len() - 1]
+    } else {
+        points[1]
+    };
+    let (east, north) = (to[0] - points[0][0], to[1] - points[0][1]);
+    let length = east.hypot(north).max(1e-9);
+    [east / length, north / length]
+}
+
+fn weigh(passes: &[Pass], kind: ElementKind, class: SignClass) -> Claims {
+    let [gone, there] = presence(passes);
+    let left = Place::new(passes, |pass| {
+        residual(pass, pass.residual_eta_fx, pass.residual_lambda_fx)
+    });
+    let along = Place::new(passes, |pass| {
+        residual(pass, pass.along_eta_fx, pass.along_lambda_fx)
+    });
+    let mapped_class = Some(class).filter(|_| kind == ElementKind::GroundSign);
+    let (same, other) = readings(passes, mapped_class);
+    // A shift is to the side, along, or both; each as likely.
+    let shifts = [
+        left.off + along.near,
+        left.near + along.off,
+        left.off + along.off,
+    ];
+    let mut logs = vec![
+        there
+            + left.near
+            + along.near
+            + same
+            + libm::log(1.0 - PRIOR_REMOVED - PRIOR_RETYPED - PRIOR_SHIFTED),
+        gone + libm::log(PRIOR_REMOVED),
+        there + left.near + along.near + other + libm::log(PRIOR_RETYPED),
+    ];
+    for shift in shifts {
+        // What was painted anew beside its place may be of another class too.
+        let read = libm::log(0.9 * libm::exp(same) + 0.1 * libm::exp(other));
+        logs.push(there + shift + read + libm::log(PRIOR_SHIFTED / 3.0));
+    }
+    let logs: [f64; 6] = std::array::from_fn(|index| logs[index]);
+    let [in_place, removed, retyped, aside, ahead, both] = softmax(logs);
+    let place = |p: f64, place: &Place| if p > 0.0 { place.best } else { (0.0, 0.0) };
+    Claims {
+        in_place,
+        removed,
+        retyped,
+        shifted: aside + ahead + both,
+        left: place(aside + both - ahead, &left),
+        along: place(ahead + both - aside, &along),
+    }
+}
+
+/// Log-likelihoods of gone and of there, by how often passes matched.
+fn presence(passes: &[Pass]) -> [f64; 2] {
+    let mut sums_fx = [0_i64; 2];
+    for pass in passes {
+        let frames = pass.exposed.max(1) as f64;
+        let hits = (pass.hit as f64).min(frames);
+        let gone = beta_binomial(hits, frames, FALSELY_MATCHED);
+        let visible = beta_binomial(hits, frames, MATCHED);
+        // Matches where nothing is are matches of something else: they lie anywhere.
+        let sure = pass.visibility().clamp(0.0, 1.0);
+        let there = sure * ((1.0 - HIDDEN) * visible + HIDDEN * gone) + (1.0 - sure) * gone;
+        let mean = 0.5 * (gone + there);
+        for (sum, likelihood) in sums_fx.iter_mut().zip([gone, there]) {
+            let mixed = (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
+            *sum += fixed::from_f64(libm::log(mixed / mean));
+        }
+    }
+    sums_fx.map(fixed::to_f64)
+}
+
+/// P(this sequence of hits and misses), the chance of a hit being drawn once a pass from a beta
+/// distribution of this mean and concentration.
+fn beta_binomial(hits: f64, frames: f64, (mean, concentration): (f64, f64)) -> f64 {
+    let (a, b) = (mean * concentration, (1.0 - mean) * concentration);
+    let log_beta = |a: f64, b: f64| libm::lgamma(a) + libm::lgamma(b) - libm::lgamma(a + b);
+    libm::exp(log_beta(a + hits, b + frames - hits) - log_beta(a, b))
+}
+
+/// Mean residual of a pass and its standard deviation. A pass's errors are the same in all of its
+/// frames: its information is that of one.
+fn residual(pass: &Pass, eta_fx: i64, lambda_fx: i64) -> Option<(f64, f64)> {
+    (pass.hit > 0 && lambda_fx > 0).then(|| {
+        let variance = pass.hit as f64 / fixed::to_f64(lambda_fx);
+        (
+            eta_fx as f64 / lambda_fx as f64,
+            variance.sqrt().hypot(PASS_SIGMA_M),
+        )
+    })
+}
+
+/// What residuals say of the place in one dimension.
+struct Place {
+    /// Log-likelihood of being in place and of being off, each averaged over its prior.
+    near: f64,
+    off: f64,
+    /// Mean place and its standard deviation, if off.
+    best: (f64, f64),
+}
+
+impl Place {
+    fn new(passes: &[Pass], of: impl Fn(&Pass) -> Option<(f64, f64)>) -> Self {
+        let places = 2 * STEPS + 1;
+        let offset_m = |index: usize| (index as f64 - STEPS as f64) * STEP_M;
+        let mut sums_fx = vec![0_i64; places];
+        for (residual_m, sigma_m) in passes.iter().filter_map(of) {
+            for (index, sum) in sums_fx.iter_mut().enumerate() {
+                let z = (residual_m - offset_m(index)) / sigma_m;
+                let at = libm::exp(-0.5 * z * z) / (sigma_m * SQRT_TAU);
+                let mixed = (1.0 - STRAY) * at + STRAY * STRAY_DENSITY;
+                *sum += fixed::from_f64(libm::log(mixed));
+            }
+        }
+        let logs: Vec<f64> = sums_fx.iter().copied().map(fixed::to_f64).collect();
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let normal = |offset_m: f64, sigma_m: f64| {
+            let z = offset_m / sigma_m;
+            libm::exp(-0.5 * z * z)
+        };
+        let weigh = |prior: &dyn Fn(f64) -> f64| {
+            let (mut total, mut sum, mut mean, mut square) = (0.0, 0.0, 0.0, 0.0);
+            for (index, log) in logs.iter().enumerate() {
+                let offset_m = offset_m(index);
+                let prior = prior(offset_m);
+                let weight = prior * libm::exp(log - most);
+                total += prior;
+                sum += weight;
+                mean += weight * offset_m;
+                square += weight * offset_m * offset_m;
+            }
+            let sum_or_one = sum.max(f64::MIN_POSITIVE);
+            let mean = mean / sum_or_one;
+            let variance = (square / sum_or_one - mean * mean).max(0.0);
+            (
+                libm::log(sum_or_one / total),
+                (mean, (variance + STEP_M * STEP_M / 12.0).sqrt()),
+            )
+        };
+        let (near, _) = weigh(&|offset_m| normal(offset_m, TOLERANCE_M));
+        let (off, best) = weigh(&|offset_m| {
+            if offset_m.abs() < SHIFT_FROM_M - 0.5 * STEP_M {
+                0.0
+            } else {
+                normal(offset_m, SHIFT_SIGMA_M)
+            }
+        });
+        Self { near, off, best }
+    }
+}
+
+/// Log-likelihoods of being of the mapped class and of any other, by what was read. Alike where the map
+/// does not say a class that can be read wrongly.
+fn readings(passes: &[Pass], class: Option<SignClass>) -> (f64, f64) {
+    let is_known = |class: &SignClass| !matches!(class, SignClass::Unknown | SignClass::Other);
+    let Some(class) = class.filter(is_known) else {
+        return (0.0, f64::NEG_INFINITY);
+    };
+    let classes = SignClass::ALL.len() - 1;
+    let mut sums_fx = vec![0_i64; classes];
+    let wrong = libm::log((1.0 - READ_RIGHT) / (classes - 1) as f64);
+    for pass in passes {
+        let read: i32 = pass.seen[1..].iter().sum();
+        if read == 0 {
+            continue;
+        }
+        let worth = READINGS.min(f64::from(read)) / f64::from(read);
+        let likelihood = |code: usize| {
+            let right = f64::from(pass.seen[code]);
+            let log = right * libm::log(READ_RIGHT) + (f64::from(read) - right) * wrong;
+            libm::exp(worth * log)
+        };
+        let likelihoods: Vec<f64> = (1..=classes).map(likelihood).collect();
+        let mean = likelihoods.iter().sum::<f64>() / classes as f64;
+        for (sum, likelihood) in sums_fx.iter_mut().zip(&likelihoods) {
+            let mixed = (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
+            *sum += fixed::from_f64(libm::log(mixed / mean));
+        }
+    }
+    let logs: Vec<f64> = sums_fx.iter().copied().map(fixed::to_f64).collect();
+    let own = class.code() as usize - 1;
+    let others = logs.iter().enumerate().filter(|(index, _)| *index != own);
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let sum: f64 = others.map(|(_, log)| libm::exp(log - most)).sum();
+    (
+        logs[own],
+        most + libm::log((sum / (classes - 1) as f64).max(f64::MIN_POSITIVE)),
+    )
+}
