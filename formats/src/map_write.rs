@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use tilefold_schemas::element::{Color, Element, ElementKind, Marking};
+use tilefold_schemas::element::{Color, Element, ElementKind, Marking, SignClass};
 
 /// The first node id of a map whose elements have smaller ids.
 const FIRST_NODE: i64 = 100_001;
@@ -111,6 +111,7 @@ pub fn lanelet2_tags(
     kind: ElementKind,
     marking: Marking,
     color: Color,
+    sign: SignClass,
 ) -> BTreeMap<String, String> {
     let type_tag = match kind {
         ElementKind::LaneMarking => "line_thin",
@@ -121,6 +122,7 @@ pub fn lanelet2_tags(
     let subtype = match (kind, marking) {
         (ElementKind::LaneMarking, Marking::Unknown | Marking::Other) => None,
         (ElementKind::LaneMarking, known) => Some(known.name()),
+        (ElementKind::GroundSign, _) if sign != SignClass::Unknown => Some(sign.name()),
         _ => None,
     };
     let color = match color {
@@ -162,7 +164,6 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tilefold_schemas::element::SignClass;
     use tilefold_schemas::id::ElementId;
 
     fn element(id: i64, kind: ElementKind) -> Element {
@@ -173,7 +174,7 @@ mod tests {
             color: Color::White,
             sign: SignClass::Unknown,
             points: vec![[8.4, 49.0, 115.0], [8.400_1, 49.0, 115.0]],
-            tags: lanelet2_tags(kind, Marking::Dashed, Color::White),
+            tags: lanelet2_tags(kind, Marking::Dashed, Color::White, SignClass::Unknown),
         }
     }
 
@@ -202,6 +203,20 @@ mod tests {
              <way id='1001' version='1'><nd ref='100003'/><nd ref='100004'/><nd ref='100003'/><tag k='area' v='yes'/><tag k='color' v='white'/><tag k='type' v='zebra_marking'/></way>\n\
              </osm>\n"
         );
+    }
+
+    #[test]
+    fn a_sign_says_its_class() {
+        let tags = |sign| {
+            lanelet2_tags(
+                ElementKind::GroundSign,
+                Marking::Unknown,
+                Color::White,
+                sign,
+            )
+        };
+        assert_eq!(tags(SignClass::LeftArrow)["subtype"], "left_arrow");
+        assert!(!tags(SignClass::Unknown).contains_key("subtype"));
     }
 
     #[test]

@@ -23,6 +23,8 @@ use crate::fold::Fold;
 /// position is worse, and across it, in metres.
 const ALONG_M: f64 = 4.0;
 const ACROSS_M: f64 = 1.6;
+/// Lanes lie nearer to each other than this, in metres.
+const LANE_M: f64 = 4.5;
 /// Prior that a place where something was sighted has what the map lacks.
 const PRIOR_ADDED: f64 = 0.02;
 /// P(sighting | there, looked at).
@@ -70,7 +72,12 @@ pub fn judge(
             .iter()
             .filter_map(|sighting| Seen::new(sighting, &frame))
             .collect();
-        for cluster in clusters(&seen, fold.quorum) {
+        let clusters = clusters(&seen, fold.quorum);
+        for (rank, cluster) in clusters.iter().enumerate() {
+            let cluster = without_lane_aside(cluster, &clusters[..rank]);
+            if vehicles(&cluster) < fold.quorum {
+                continue;
+            }
             let candidate = Candidate::new(&cluster);
             if !candidate.is_mapped(map, &frame) {
                 records.extend(candidate.record(&frame, &looks, tile_level, fold.model.name()));
@@ -155,6 +162,22 @@ impl<'a> Seen<'a> {
     }
 
     fn is_near(&self, other: &Self) -> bool {
+        self.is_within(other, ACROSS_M)
+    }
+
+    fn is_lane_aside(&self, other: &Self) -> bool {
+        self.is_within(other, LANE_M)
+    }
+
+    /// Whether the same vehicle saw both at one time.
+    fn is_with(&self, other: &Self) -> bool {
+        let (one, other) = (self.sighting, other.sighting);
+        one.vehicle == other.vehicle
+            && one.first_ns <= other.last_ns
+            && other.first_ns <= one.last_ns
+    }
+
+    fn is_within(&self, other: &Self, across_m: f64) -> bool {
         let (dx, dy) = (
             other.centre[0] - self.centre[0],
             other.centre[1] - self.centre[1],
@@ -163,7 +186,7 @@ impl<'a> Seen<'a> {
         let across = -self.ahead[1] * dx + self.ahead[0] * dy;
         let is_sign = self.sighting.kind == ElementKind::GroundSign.code();
         let turn = self.ahead[0] * other.ahead[0] + self.ahead[1] * other.ahead[1];
-        along.abs() <= ALONG_M && across.abs() <= ACROSS_M && (!is_sign || turn > READABLE_COS)
+        along.abs() <= ALONG_M && across.abs() <= across_m && (!is_sign || turn > READABLE_COS)
     }
 
     fn weight(&self) -> f64 {
@@ -219,6 +242,31 @@ fn clusters<'s, 'a>(seen: &'s [Seen<'a>], quorum: usize) -> Vec<Vec<&'s Seen<'a>
         }
         clusters.push(members.into_iter().map(|index| &seen[index]).collect());
     }
+}
+
+/// Sightings of a cluster that are not those of a better supported one by vehicles that believe to be a
+/// lane aside: who sees both at once sees two.
+fn without_lane_aside<'s, 'a>(
+    cluster: &[&'s Seen<'a>],
+    better: &[Vec<&'s Seen<'a>>],
+) -> Vec<&'s Seen<'a>> {
+    let is_beside = |other: &&Vec<&'s Seen<'a>>| other[0].is_lane_aside(cluster[0]);
+    let beside: Vec<&Vec<&Seen<'_>>> = better.iter().filter(is_beside).collect();
+    let saw_both = |one: &Seen<'_>| {
+        beside
+            .iter()
+            .all(|other| other.iter().any(|other| one.is_with(other)))
+    };
+    cluster
+        .iter()
+        .filter(|one| saw_both(one))
+        .copied()
+        .collect()
+}
+
+fn vehicles(cluster: &[&Seen<'_>]) -> usize {
+    let vehicles: BTreeSet<i64> = cluster.iter().map(|one| one.sighting.vehicle).collect();
+    vehicles.len()
 }
 
 /// Something that the map lacks.

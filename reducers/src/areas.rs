@@ -27,9 +27,8 @@ const MATCHED: (f64, f64) = (0.7, 3.0);
 const FALSELY_MATCHED: (f64, f64) = (0.03, 3.0);
 /// A pass's likelihood is mixed with this much of the mean over claims.
 const CONTAMINATION: f64 = 0.03;
-/// Standard deviation of a pass's place apart from what its rows state, in metres: across and along the
-/// way errors of mounting stay for the whole pass.
-const PASS_SIGMA_M: f64 = 0.3;
+/// Standard deviation of a pass's place apart from what its rows state, in metres.
+const PASS_SIGMA_M: f64 = 0.1;
 /// Share of matches that are of something else, anywhere in the gate.
 const STRAY: f64 = 0.1;
 /// Density of such in one dimension, per metre.
@@ -37,10 +36,13 @@ const STRAY_DENSITY: f64 = 0.2;
 /// Places that are considered, to either side, in steps.
 const STEP_M: f64 = 0.1;
 const STEPS: usize = 30;
-/// How far off its mapped place a thing still is in its place (standard deviation, metres).
+/// How far off its mapped place a thing still is in its place (standard deviation, metres); and, as a
+/// share of the noise of a pass, what of it is alike in all passes: along the way all of them go by the
+/// same neighbours.
 const TOLERANCE_M: f64 = 0.15;
-/// Where shifts begin, and how long they are (standard deviation, metres).
-const SHIFT_FROM_M: f64 = 0.4;
+const COMMON_SHARE: f64 = 0.35;
+/// Shifts begin at this many tolerances, and are this long (standard deviation, metres).
+const SHIFT_FROM: f64 = 2.5;
 const SHIFT_SIGMA_M: f64 = 1.2;
 /// P(a frame reads the true class) among recognised ones; the rest are spread over the others.
 const READ_RIGHT: f64 = 0.85;
@@ -255,7 +257,9 @@ impl Place {
         let places = 2 * STEPS + 1;
         let offset_m = |index: usize| (index as f64 - STEPS as f64) * STEP_M;
         let mut sums_fx = vec![0_i64; places];
-        for (residual_m, sigma_m) in passes.iter().filter_map(of) {
+        let residuals: Vec<(f64, f64)> = passes.iter().filter_map(of).collect();
+        let tolerance_m = tolerance_m(&residuals);
+        for (residual_m, sigma_m) in residuals {
             for (index, sum) in sums_fx.iter_mut().enumerate() {
                 let z = (residual_m - offset_m(index)) / sigma_m;
                 let at = libm::exp(-0.5 * z * z) / (sigma_m * SQRT_TAU);
@@ -288,15 +292,28 @@ impl Place {
                 (mean, (variance + STEP_M * STEP_M / 12.0).sqrt()),
             )
         };
-        let (near, _) = weigh(&|offset_m| normal(offset_m, TOLERANCE_M));
+        let (near, _) = weigh(&|offset_m| normal(offset_m, tolerance_m));
         let (off, best) = weigh(&|offset_m| {
-            if offset_m.abs() < SHIFT_FROM_M - 0.5 * STEP_M {
+            if offset_m.abs() < SHIFT_FROM * tolerance_m {
                 0.0
             } else {
                 normal(offset_m, SHIFT_SIGMA_M)
             }
         });
         Self { near, off, best }
+    }
+}
+
+/// Standard deviation of what is in its place, by how well passes can tell.
+fn tolerance_m(residuals: &[(f64, f64)]) -> f64 {
+    let information_fx = residuals
+        .iter()
+        .map(|(_, sigma_m)| fixed::from_f64(sigma_m.powi(-2)));
+    let mean = fixed::to_f64(information_fx.sum()) / residuals.len().max(1) as f64;
+    if mean > 0.0 {
+        TOLERANCE_M.max(COMMON_SHARE / mean.sqrt())
+    } else {
+        TOLERANCE_M
     }
 }
 

@@ -122,6 +122,7 @@ impl World {
                 paint.kind,
                 paint.marking,
                 paint.color,
+                paint.sign,
             ),
         }
     }

@@ -4,11 +4,14 @@ use tilefold_schemas::SignClass;
 
 use super::Glimpse;
 use super::mapped::{LocalArea, vehicle_from_local};
+use super::seen::SeenArea;
 
 /// How far off its map place an area may be seen, in metres along the way: receivers err by this much.
 pub const ALONG_GATE_M: f64 = 4.5;
 /// How far across, in metres: the way across is registered, and lanes are wider.
 pub const ACROSS_GATE_M: f64 = 2.2;
+/// A lane aside is nearer than this, in metres.
+const LANE_GATE_M: f64 = 4.5;
 /// Scales of the cost, in metres.
 const ALONG_SCALE_M: f64 = 2.0;
 const ACROSS_SCALE_M: f64 = 0.7;
@@ -70,6 +73,18 @@ pub fn pair_areas(glimpse: &Glimpse<'_>, mapped: &[LocalArea<'_>]) -> Vec<Pair> 
         }
     }
     pairs
+}
+
+/// Whether a seen and a mapped area that were left alone may be each other one lane aside: the
+/// registration of a frame can be wrong by a lane, and then everything in it is.
+#[must_use]
+pub fn is_lane_aside(glimpse: &Glimpse<'_>, area: &SeenArea, local: &LocalArea<'_>) -> bool {
+    let [x, y] = vehicle_from_local(&glimpse.look.pose, local.centre_m);
+    let left_m = area.centre_m[1] + glimpse.registration.offset_m - y;
+    area.kind == local.mapped.element.kind
+        && (area.centre_m[0] - x).abs() <= ALONG_GATE_M
+        && left_m.abs() <= LANE_GATE_M
+        && local.is_readable(glimpse.look.pose.yaw_rad)
 }
 
 /// Whether two classes are known and different.

@@ -7,7 +7,7 @@ use tilefold_tiler::tile::{TileError, tile_of};
 
 use super::along::{Drift, along_sigma_m};
 use super::mapped::{LocalArea, vehicle_from_local};
-use super::pair::{ACROSS_GATE_M, ALONG_GATE_M, Pair};
+use super::pair::{ACROSS_GATE_M, ALONG_GATE_M, Pair, is_lane_aside};
 use super::seen::SeenArea;
 use super::zone::AreaZone;
 use super::{Glimpse, Whose};
@@ -57,7 +57,7 @@ impl AreaSightings {
         let ahead = drift.at(glimpse.look.pose.stamp_ns, None);
         for (index, area) in glimpse.areas.iter().enumerate() {
             let is_paired = pairs.iter().any(|pair| pair.seen == index);
-            if is_paired || is_double(glimpse, area, mapped) {
+            if is_paired || is_explained(glimpse, area, pairs, mapped) {
                 continue;
             }
             let pose = &glimpse.look.pose;
@@ -118,12 +118,23 @@ impl AreaSightings {
     }
 }
 
-/// Whether a map element of the kind is so near that this is it, seen twice or moved.
-fn is_double(glimpse: &Glimpse<'_>, area: &SeenArea, mapped: &[LocalArea<'_>]) -> bool {
+/// Whether a map element of the kind is so near that this is it, seen twice or moved; or was left alone
+/// so near that this is it a lane aside.
+fn is_explained(
+    glimpse: &Glimpse<'_>,
+    area: &SeenArea,
+    pairs: &[Pair],
+    mapped: &[LocalArea<'_>],
+) -> bool {
     let of_kind = mapped
         .iter()
-        .filter(|local| local.mapped.element.kind == area.kind);
-    of_kind.into_iter().any(|local| {
+        .enumerate()
+        .filter(|(_, local)| local.mapped.element.kind == area.kind);
+    of_kind.into_iter().any(|(index, local)| {
+        let is_alone = pairs.iter().all(|pair| pair.mapped != index);
+        if is_alone && is_lane_aside(glimpse, area, local) {
+            return true;
+        }
         let [x, y] = vehicle_from_local(&glimpse.look.pose, local.centre_m);
         let left_m = area.centre_m[1] + glimpse.registration.offset_m - y;
         (area.centre_m[0] - x).abs() <= ALONG_GATE_M && left_m.abs() <= ACROSS_GATE_M

@@ -8,7 +8,7 @@ use tilefold_schemas::{ChunkId, ElementKind, EvidenceRow, fixed};
 use super::Glimpse;
 use super::along::{Ahead, Drift, along_sigma_m};
 use super::mapped::{LocalArea, vehicle_from_local};
-use super::pair::{Pair, is_other_class};
+use super::pair::{Pair, is_lane_aside, is_other_class};
 use super::zone::AreaZone;
 use crate::matching::IN_PLACE_M;
 use crate::testify::{Opinion, empty_row, expose, paper_sums};
@@ -90,6 +90,9 @@ impl<'a> AreaLedger<'a> {
             }
             let visibility = glimpse.registration.confidence;
             let pair = pairs.iter().find(|pair| pair.mapped == index);
+            if pair.is_none() && is_perhaps_aside(glimpse, local, pairs) {
+                continue;
+            }
             let residual = pair.map(|pair| Residual::new(glimpse, pair, ahead));
             let chunk = self.chunk;
             let row = self.rows.entry(index);
@@ -117,6 +120,14 @@ impl<'a> AreaLedger<'a> {
     pub fn into_rows(self) -> Vec<EvidenceRow> {
         self.rows.into_values().collect()
     }
+}
+
+/// Whether something unexplained was seen where a registration wrong by a lane would put this.
+fn is_perhaps_aside(glimpse: &Glimpse<'_>, local: &LocalArea<'_>, pairs: &[Pair]) -> bool {
+    let mut areas = glimpse.areas.iter().enumerate();
+    areas.any(|(seen, area)| {
+        pairs.iter().all(|pair| pair.seen != seen) && is_lane_aside(glimpse, area, local)
+    })
 }
 
 fn is_far(glimpse: &Glimpse<'_>, local: &LocalArea<'_>) -> bool {
