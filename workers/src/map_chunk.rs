@@ -91,7 +91,8 @@ pub fn map_chunk_traced(
         return Ok(evidence);
     }
     let mut cross_cuts = cut(&looks, &map);
-    let mut registrations = lay_on_map(&looks, &cross_cuts);
+    let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.mapped)).collect();
+    let mut registrations = lay_on_map(&looks, &cross_cuts, &mapped);
     let factor = scale::estimate(&cross_cuts, &registrations);
     if factor != 1.0 {
         scale::stretch(&mut looks, factor);
@@ -99,7 +100,7 @@ pub fn map_chunk_traced(
         for (cross_cut, look) in cross_cuts.iter_mut().zip(&looks) {
             cross_cut.seen = cut_seen(&look.lines);
         }
-        registrations = lay_on_map(&looks, &cross_cuts);
+        registrations = lay_on_map(&looks, &cross_cuts, &mapped);
     }
     for registration in &mut registrations {
         registration.confidence *= clock.confidence;
@@ -175,16 +176,17 @@ fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
         .collect()
 }
 
-/// The error of the poses of all looks.
-fn lay_on_map(looks: &[Look], cross_cuts: &[CrossCut]) -> Vec<Registration> {
-    let profiles: Vec<[Vec<Profile>; 2]> = cross_cuts
-        .iter()
-        .map(|cross_cut| [profiles(&cross_cut.seen), profiles(&cross_cut.mapped)])
-        .collect();
+/// The error of the poses of all looks; `mapped` are the map lines of their cross-cuts.
+fn lay_on_map(
+    looks: &[Look],
+    cross_cuts: &[CrossCut],
+    mapped: &[Vec<Profile>],
+) -> Vec<Registration> {
+    let seen: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.seen)).collect();
     let glances: Vec<Glance<'_>> = looks
         .iter()
-        .zip(&profiles)
-        .map(|(look, [seen, mapped])| Glance {
+        .zip(seen.iter().zip(mapped))
+        .map(|(look, (seen, mapped))| Glance {
             stamp_ns: look.pose.stamp_ns,
             place_m: [look.pose.east_m, look.pose.north_m],
             seen,

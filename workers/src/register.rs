@@ -134,20 +134,21 @@ impl Step {
         let window = |glance: &Glance<'_>| glance.stamp_ns.div_euclid(STEP_NS);
         glances
             .chunk_by(|a, b| window(a) == window(b))
-            .map(|step| Self::new(window(&step[0]) * STEP_NS + STEP_NS / 2, &votes(step)))
+            .map(|step| Self::new(window(&step[0]) * STEP_NS + STEP_NS / 2, votes(step)))
             .collect()
     }
 
-    fn new(centre_ns: i64, nats: &Offsets) -> Self {
+    fn new(centre_ns: i64, nats: Offsets) -> Self {
         let best_nats = nats.iter().copied().fold(f64::MIN, f64::max);
         // Offsets that no line votes for are alike, and lie side by side.
         let mut last = (best_nats, 1.0);
-        let likelihood = nats.map(|nats| {
-            if nats != last.0 {
-                last = (nats, (nats - best_nats).exp());
+        let mut likelihood = nats;
+        for value in &mut likelihood {
+            if *value != last.0 {
+                last = (*value, (*value - best_nats).exp());
             }
-            last.1
-        });
+            *value = last.1;
+        }
         Self {
             centre_ns,
             best_nats,
@@ -171,7 +172,10 @@ fn votes(glances: &[Glance<'_>]) -> Offsets {
     let moved_m = (last[0] - first[0]).hypot(last[1] - first[1]);
     let frames = glances.len() as f64;
     let worth = LOOKS_PER_STEP * (moved_m / FULL_STEP_M).clamp(0.1, 1.0);
-    sum.map(|nats| nats * worth / frames)
+    for nats in &mut sum {
+        *nats = *nats * worth / frames;
+    }
+    sum
 }
 
 /// Adds one seen line's log-likelihood of every offset, relative to clutter; `nobody` is that of
