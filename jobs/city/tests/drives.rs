@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use tilefold_city::{CitySpec, Site, write};
+use tilefold_city::{CitySpec, LogProfile, Site, write};
 use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader, TopicKind};
 use tilefold_schemas::element::ElementKind;
 use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
@@ -111,4 +111,50 @@ fn detections_lie_before_the_vehicle_and_some_frames_are_empty() {
     );
     let per_frame = f64::from(lines as u32) / f64::from((frames - empty) as u32);
     assert!((2.0..7.0).contains(&per_frame), "{per_frame} lines a frame");
+}
+
+#[test]
+fn camera_logs_hold_pictures_calibration_mounting_and_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = CitySpec {
+        profile: LogProfile::Camera,
+        drives: 1,
+        drive_km: 0.2,
+        ..spec()
+    };
+    let files = write(&spec, folder.path()).unwrap();
+    let (index, messages) = read(&files.logs[0]);
+    assert_eq!(index.topics_of(TopicKind::Gnss).count(), 1);
+    let (mut pictures, mut calibrations, mut mountings) = (Vec::new(), 0, 0);
+    for message in &messages {
+        match &message.payload {
+            Payload::Image(image) => {
+                assert_eq!(image.format, "jpeg");
+                assert!(image.data.starts_with(&[0xff, 0xd8]), "no JPEG");
+                pictures.push(message.stamp_ns);
+            }
+            Payload::Calibration(calibration) => {
+                assert_eq!((calibration.width_px, calibration.height_px), (640, 360));
+                calibrations += 1;
+            }
+            Payload::Transforms { transforms, .. } => {
+                assert_eq!(transforms[0].parent_frame, "base_link");
+                assert_eq!(transforms[0].child_frame, message.frame_id);
+                mountings += 1;
+            }
+            _ => {}
+        }
+    }
+    assert!(pictures.len() > 50, "{} pictures", pictures.len());
+    assert!(calibrations >= pictures.len() / 5 && mountings == 1);
+    let truth = std::fs::read_to_string(files.logs[0].with_extension("frames.jsonl")).unwrap();
+    let stamps: Vec<i64> = truth
+        .lines()
+        .map(|line| {
+            let frame: serde_json::Value = serde_json::from_str(line).unwrap();
+            frame["time_ns"].as_i64().unwrap()
+        })
+        .collect();
+    assert_eq!(stamps, pictures);
+    assert!(truth.contains("\"lane_marking\""));
 }
