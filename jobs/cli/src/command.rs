@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::CommandFactory;
 use serde::Serialize;
-use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, plots};
+use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, overview, plots};
 use tilefold_engine::{Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, run};
 use tilefold_formats::geojson::{read_changes_file, write_changes};
 use tilefold_formats::matching_truth::MatchingTruth;
@@ -415,7 +415,7 @@ pub(crate) fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result
         refold: &Refold::read(&snapshot)?,
         truth: &truth.unwrap_or_default(),
     };
-    let mut evaluation = evaluate(&[subject], asked.model, options)?;
+    let mut evaluation = evaluate(std::slice::from_ref(&subject), asked.model, options)?;
     if let Some((truth, logs)) = asked.matching {
         let drives = Drives {
             snapshot: &snapshot,
@@ -426,12 +426,8 @@ pub(crate) fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result
         evaluation.matching = Some(matching(&[drives], progress.as_ref())?);
     }
     if let Some(folder) = asked.plots {
-        let written = plots::write(folder, &evaluation).map_err(|error| {
-            format!(
-                "cannot write pictures to {}: {error}; check the disk and the folder's rights",
-                folder.display()
-            )
-        })?;
+        let mut written = overview::write(folder, &subject, asked.model, options.criteria)?;
+        written.extend(plots::write(folder, &evaluation)?);
         for file in written {
             eprintln!("wrote {}", file.display());
         }

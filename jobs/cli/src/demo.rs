@@ -38,11 +38,12 @@ pub(crate) fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dy
         version: None,
         model: FusionModel::Calibrated,
         matching: None,
-        plots: None,
+        plots: Some(&out.join("report")),
     };
     score(args, &asked, &Options::default())?;
     eprintln!(
-        "the store is {}; try `tilefold show` and `tilefold export --format geojson` on it",
+        "the map with the changes on it is {}; the store is {}: try `tilefold show` and `tilefold export --format geojson` on it",
+        out.join("report/overview.svg").display(),
         store.display()
     );
     Ok(outcome)

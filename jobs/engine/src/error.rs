@@ -46,6 +46,14 @@ pub enum EngineError {
         /// File that differs.
         second: String,
     },
+    /// A picture could not be written.
+    #[error("cannot write pictures to {}: {source}; check the disk and the folder's rights", path.display())]
+    Picture {
+        /// The folder.
+        path: std::path::PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// Nothing to do the job on.
     #[error("{0}")]
     Nothing(String),

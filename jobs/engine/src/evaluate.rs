@@ -5,7 +5,7 @@
 //! change a claim covers, and `pair` what is counted as found and what as wrong. `change` makes
 //! scores of the counts, with intervals that `bootstrap` takes over the `place`s; `calibration`,
 //! `geometry` and `outcome` say how good the probabilities and the lines are, and name every
-//! failure. [`plots`] draws it. [`matching()`] is apart: it needs the logs.
+//! failure. [`plots`] and [`overview`] draw it. [`matching()`] is apart: it needs the logs.
 
 mod bootstrap;
 mod calibration;
@@ -15,6 +15,7 @@ mod geometry;
 mod known;
 mod matching;
 mod outcome;
+pub mod overview;
 mod pair;
 mod place;
 pub mod plots;

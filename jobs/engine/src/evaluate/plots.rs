@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{Calibration, Evaluation, Interval, Score, SweepPoint};
+use crate::error::EngineError;
 use crate::picture::{Anchor, BLUE, GREY, ORANGE, Picture, Rgb, Shape};
 
 /// Side of the square that data is drawn in, pixels.
@@ -41,7 +42,14 @@ impl Series<'_> {
 ///
 /// # Errors
 /// The folder cannot be written.
-pub fn write(folder: &Path, evaluation: &Evaluation) -> io::Result<Vec<PathBuf>> {
+pub fn write(folder: &Path, evaluation: &Evaluation) -> Result<Vec<PathBuf>, EngineError> {
+    draw(folder, evaluation).map_err(|source| EngineError::Picture {
+        path: folder.to_owned(),
+        source,
+    })
+}
+
+fn draw(folder: &Path, evaluation: &Evaluation) -> io::Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder)?;
     let other = &evaluation.other_model;
     let series = [
