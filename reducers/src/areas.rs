@@ -40,7 +40,7 @@ const STEPS: usize = 30;
 /// share of the noise of a pass, what of it is alike in all passes: along the way all of them go by the
 /// same neighbours.
 const TOLERANCE_M: f64 = 0.15;
-const COMMON_SHARE: f64 = 0.35;
+const COMMON_SHARE: f64 = 0.45;
 /// Shifts begin at this many tolerances, and are this long (standard deviation, metres).
 const SHIFT_FROM: f64 = 2.5;
 const SHIFT_SIGMA_M: f64 = 1.2;
@@ -354,4 +354,143 @@ fn readings(passes: &[Pass], class: Option<SignClass>) -> (f64, f64) {
         logs[own],
         most + libm::log((sum / (classes - 1) as f64).max(f64::MIN_POSITIVE)),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+    use tilefold_schemas::ElementId;
+    use tilefold_schemas::evidence::CLASS_BINS;
+
+    fn arrow() -> MappedElement {
+        let corner = |east: f64, north: f64| [8.0 + east / 71_700.0, 50.0 + north / 111_200.0, 0.0];
+        let element = tilefold_schemas::Element {
+            id: ElementId(7),
+            kind: ElementKind::GroundSign,
+            marking: tilefold_schemas::Marking::Unknown,
+            color: tilefold_schemas::Color::White,
+            sign: SignClass::LeftArrow,
+            points: vec![
+                corner(0.0, 0.0),
+                corner(5.0, 0.0),
+                corner(5.0, 1.2),
+                corner(0.0, 1.2),
+            ],
+            tags: BTreeMap::new(),
+        };
+        MappedElement::new(element, 15).unwrap()
+    }
+
+    /// A pass of ten frames: matches, their place to the left and along, and what they were read as.
+    fn row(vehicle: i64, hits: i32, left_m: f64, along_m: f64, class: SignClass) -> EvidenceRow {
+        let mapped = arrow();
+        let mut seen = [0; CLASS_BINS];
+        seen[class.code() as usize] = hits;
+        let information = |sigma_m: f64| f64::from(hits) / (sigma_m * sigma_m);
+        EvidenceRow {
+            tile: mapped.tile.0,
+            element: 7,
+            content: mapped.content.0,
+            section: 0,
+            vehicle,
+            channel: 0,
+            window: 0,
+            method: 2,
+            model: 0,
+            exposed: 10,
+            hit: hits,
+            sum_v_fx: fixed::from_f64(9.5),
+            sum_v2_fx: 0,
+            sum_v_miss_fx: 0,
+            sum_w_no_fx: 0,
+            sum_w_add_fx: 0,
+            sum_w_del_fx: 0,
+            sum_w_mod_fx: 0,
+            sum_w_fx: 0,
+            residuals: hits,
+            residual_eta_fx: fixed::from_f64(left_m * information(0.25)),
+            residual_lambda_fx: fixed::from_f64(information(0.25)),
+            residual_chi2_fx: 0,
+            along_eta_fx: fixed::from_f64(along_m * information(0.7)),
+            along_lambda_fx: fixed::from_f64(information(0.7)),
+            seen,
+            first_ns: vehicle * 100_000_000_000,
+            last_ns: vehicle * 100_000_000_000 + 1_000_000_000,
+            best_ns: 0,
+            best_v_fx: 0,
+        }
+    }
+
+    fn judged(rows: &[EvidenceRow]) -> ChangeRecord {
+        let rows: Vec<&EvidenceRow> = rows.iter().collect();
+        judge(&arrow(), &rows, FusionModel::Calibrated).remove(0)
+    }
+
+    fn five(hits: i32, left_m: f64, along_m: f64, class: SignClass) -> Vec<EvidenceRow> {
+        (1..=5)
+            .map(|v| row(v, hits, left_m, along_m, class))
+            .collect()
+    }
+
+    #[test]
+    fn each_claim_by_five_clear_passes() {
+        let own = SignClass::LeftArrow;
+        let no_change = judged(&five(8, 0.05, 0.2, own));
+        assert_eq!(no_change.verdict, Verdict::NoChange.code());
+        assert!(no_change.p_no_change > 0.99);
+        let removed = judged(&five(0, 0.0, 0.0, own));
+        assert_eq!(removed.verdict, Verdict::Removed.code());
+        let retyped = judged(&five(8, 0.0, 0.0, SignClass::RightArrow));
+        assert_eq!(retyped.verdict, Verdict::Modified.code());
+        assert_eq!(retyped.class_observed, Some(SignClass::RightArrow.code()));
+        assert_eq!(
+            (retyped.shift_m, retyped.geometry_new.is_some()),
+            (None, true)
+        );
+        let shifted = judged(&five(8, 1.0, 0.0, own));
+        assert_eq!(shifted.verdict, Verdict::Modified.code());
+        assert!((shifted.shift_m.unwrap() - 1.0).abs() < 0.15, "{shifted:?}");
+        assert!(shifted.geometry_new != shifted.geometry_old);
+    }
+
+    #[test]
+    fn half_a_metre_along_the_way_is_no_shift() {
+        let found = judged(&five(8, 0.0, 0.5, SignClass::LeftArrow));
+        assert_eq!(found.verdict, Verdict::NoChange.code());
+    }
+
+    #[test]
+    fn hidden_passes_do_not_remove_what_others_see() {
+        let mut rows = five(8, 0.0, 0.0, SignClass::LeftArrow);
+        rows.extend((6..9).map(|v| row(v, 0, 0.0, 0.0, SignClass::Unknown)));
+        assert!(judged(&rows).p_removed < 0.01);
+    }
+
+    #[test]
+    fn the_order_of_rows_does_not_matter() {
+        let mut rows = five(6, 0.4, -0.3, SignClass::LeftArrow);
+        rows.extend((6..10).map(|v| row(v, v as i32 % 3, 0.1, 0.9, SignClass::RightArrow)));
+        let forward = judged(&rows);
+        rows.reverse();
+        assert_eq!(judged(&rows), forward);
+        rows.rotate_left(3);
+        assert_eq!(judged(&rows), forward);
+    }
+
+    #[test]
+    fn nobody_looked_is_unknown() {
+        assert_eq!(judged(&[]).verdict, Verdict::Unknown.code());
+    }
+
+    #[test]
+    fn chances_of_a_pass_sum_to_one() {
+        let total: f64 = (0..=3)
+            .map(|hits| {
+                let ways = [1.0, 3.0, 3.0, 1.0][hits];
+                ways * beta_binomial(hits as f64, 3.0, MATCHED)
+            })
+            .sum();
+        assert!((total - 1.0).abs() < 1e-9, "{total}");
+    }
 }

@@ -14,8 +14,8 @@ const SIGMA_M: f64 = 1.4;
 const MEMORY_S: f64 = 30.0;
 /// Noise of a place along the way, in metres, and its growth with the square of the distance: pitch
 /// moves what is far ahead.
-const NEAR_SIGMA_M: f64 = 0.3;
-const SIGMA_GROWTH_PER_M: f64 = 0.004;
+const NEAR_SIGMA_M: f64 = 0.2;
+const SIGMA_GROWTH_PER_M: f64 = 0.002;
 /// An area not seen for this long is passed anew.
 const PASS_GAP_NS: i64 = 10_000_000_000;
 
@@ -194,7 +194,7 @@ mod tests {
         let all = drift.at(2_200_000_000, None);
         let others = drift.at(2_200_000_000, Some(1));
         assert!(all.offset_m < others.offset_m, "{all:?} {others:?}");
-        assert!((others.offset_m - 0.85).abs() < 0.1, "{others:?}");
+        assert!((others.offset_m - 0.95).abs() < 0.1, "{others:?}");
         assert!(all.sigma_m < others.sigma_m);
     }
 

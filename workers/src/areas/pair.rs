@@ -11,7 +11,9 @@ pub const ALONG_GATE_M: f64 = 4.5;
 /// How far across, in metres: the way across is registered, and lanes are wider.
 pub const ACROSS_GATE_M: f64 = 2.2;
 /// A lane aside is nearer than this, in metres.
-const LANE_GATE_M: f64 = 4.5;
+pub const LANE_GATE_M: f64 = 4.5;
+/// Two lanes aside are: of two things seen a lane aside one may be paired with the other's element.
+pub const LANES_GATE_M: f64 = 8.0;
 /// Scales of the cost, in metres.
 const ALONG_SCALE_M: f64 = 2.0;
 const ACROSS_SCALE_M: f64 = 0.7;
@@ -75,15 +77,20 @@ pub fn pair_areas(glimpse: &Glimpse<'_>, mapped: &[LocalArea<'_>]) -> Vec<Pair> 
     pairs
 }
 
-/// Whether a seen and a mapped area that were left alone may be each other one lane aside: the
+/// Whether a seen and a mapped area that were left alone may be each other, `gate_m` aside: the
 /// registration of a frame can be wrong by a lane, and then everything in it is.
 #[must_use]
-pub fn is_lane_aside(glimpse: &Glimpse<'_>, area: &SeenArea, local: &LocalArea<'_>) -> bool {
+pub fn is_aside(
+    glimpse: &Glimpse<'_>,
+    area: &SeenArea,
+    local: &LocalArea<'_>,
+    gate_m: f64,
+) -> bool {
     let [x, y] = vehicle_from_local(&glimpse.look.pose, local.centre_m);
     let left_m = area.centre_m[1] + glimpse.registration.offset_m - y;
     area.kind == local.mapped.element.kind
         && (area.centre_m[0] - x).abs() <= ALONG_GATE_M
-        && left_m.abs() <= LANE_GATE_M
+        && left_m.abs() <= gate_m
         && local.is_readable(glimpse.look.pose.yaw_rad)
 }
 

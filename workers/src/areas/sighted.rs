@@ -7,7 +7,7 @@ use tilefold_tiler::tile::{TileError, tile_of};
 
 use super::along::{Drift, along_sigma_m};
 use super::mapped::{LocalArea, vehicle_from_local};
-use super::pair::{ACROSS_GATE_M, ALONG_GATE_M, Pair, is_lane_aside};
+use super::pair::{ACROSS_GATE_M, ALONG_GATE_M, LANES_GATE_M, Pair, is_aside};
 use super::seen::SeenArea;
 use super::zone::AreaZone;
 use super::{Glimpse, Whose};
@@ -119,7 +119,7 @@ impl AreaSightings {
 }
 
 /// Whether a map element of the kind is so near that this is it, seen twice or moved; or was left alone
-/// so near that this is it a lane aside.
+/// so near that this is it a lane or two aside.
 fn is_explained(
     glimpse: &Glimpse<'_>,
     area: &SeenArea,
@@ -132,7 +132,7 @@ fn is_explained(
         .filter(|(_, local)| local.mapped.element.kind == area.kind);
     of_kind.into_iter().any(|(index, local)| {
         let is_alone = pairs.iter().all(|pair| pair.mapped != index);
-        if is_alone && is_lane_aside(glimpse, area, local) {
+        if is_alone && is_aside(glimpse, area, local, LANES_GATE_M) {
             return true;
         }
         let [x, y] = vehicle_from_local(&glimpse.look.pose, local.centre_m);

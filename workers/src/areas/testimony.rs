@@ -8,14 +8,14 @@ use tilefold_schemas::{ChunkId, ElementKind, EvidenceRow, fixed};
 use super::Glimpse;
 use super::along::{Ahead, Drift, along_sigma_m};
 use super::mapped::{LocalArea, vehicle_from_local};
-use super::pair::{Pair, is_lane_aside, is_other_class};
+use super::pair::{LANE_GATE_M, Pair, is_aside, is_other_class};
 use super::zone::AreaZone;
 use crate::matching::IN_PLACE_M;
 use crate::testify::{Opinion, empty_row, expose, paper_sums};
 
 /// Noise of a place across the way, in metres, and its growth per metre ahead: yaw.
-const NEAR_SIGMA_M: f64 = 0.15;
-const SIGMA_GROWTH: f64 = 0.01;
+const NEAR_SIGMA_M: f64 = 0.1;
+const SIGMA_GROWTH: f64 = 0.006;
 /// Scale of the paper's distance term, in metres.
 const DISTANCE_SIGMA_M: f64 = 0.5;
 /// Areas farther than this are not looked for, in metres.
@@ -126,7 +126,7 @@ impl<'a> AreaLedger<'a> {
 fn is_perhaps_aside(glimpse: &Glimpse<'_>, local: &LocalArea<'_>, pairs: &[Pair]) -> bool {
     let mut areas = glimpse.areas.iter().enumerate();
     areas.any(|(seen, area)| {
-        pairs.iter().all(|pair| pair.seen != seen) && is_lane_aside(glimpse, area, local)
+        pairs.iter().all(|pair| pair.seen != seen) && is_aside(glimpse, area, local, LANE_GATE_M)
     })
 }
 
