@@ -96,11 +96,8 @@ pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, near: &mut Near) -> Vec<CutLine>
         let Some(ahead) = Ahead::new(pose, axes, segment) else {
             continue;
         };
-        let ranges = RANGES_M.iter().enumerate();
-        for (range, &range_m) in ranges.skip_while(|(_, range_m)| **range_m < ahead.near_m) {
-            if range_m >= ahead.far_m {
-                break;
-            }
+        for range in ahead.ranges.clone() {
+            let range_m = RANGES_M[range];
             let Some((lateral_m, station_m)) = ahead.cut(range_m) else {
                 continue;
             };
@@ -158,15 +155,15 @@ fn box_ahead(pose: &Pose) -> ([f64; 2], [f64; 2]) {
 struct Ahead {
     from: [f64; 2],
     slope: f64,
-    near_m: f64,
-    far_m: f64,
+    /// The ranges between its ends.
+    ranges: std::ops::Range<usize>,
     station_per_range: f64,
     from_station_m: f64,
 }
 
 impl Ahead {
-    /// The segment from a pose whose yaw has these sine and cosine; none if it does not run along
-    /// the vehicle's direction.
+    /// The segment from a pose whose yaw has these sine and cosine; none if it crosses no range or
+    /// does not run along the vehicle's direction.
     fn new(pose: &Pose, (sin, cos): (f64, f64), segment: &NearSegment) -> Option<Self> {
         let vehicle_from_local = |[east, north]: [f64; 2]| {
             let (dx, dy) = (east - pose.east_m, north - pose.north_m);
@@ -174,14 +171,16 @@ impl Ahead {
         };
         let from = vehicle_from_local(segment.from);
         let to = vehicle_from_local(segment.to);
+        let (near_m, far_m) = (from[0].min(to[0]), from[0].max(to[0]));
+        let reached = |far_m: f64| RANGES_M.iter().take_while(|m| **m < far_m).count();
+        let ranges = reached(near_m)..reached(far_m);
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
         let slope = dy / dx;
         // A segment square to the vehicle has an infinite or undefined slope: refused here.
-        (slope.abs() <= MAX_SLOPE).then(|| Self {
+        (!ranges.is_empty() && slope.abs() <= MAX_SLOPE).then(|| Self {
             from,
             slope,
-            near_m: from[0].min(to[0]),
-            far_m: from[0].max(to[0]),
+            ranges,
             station_per_range: dx.hypot(dy) / dx,
             from_station_m: segment.from_station_m,
         })

@@ -134,7 +134,7 @@ impl Drift {
 }
 
 /// The states from which, and those to which, a shift stays on the grid.
-fn shifted(shift: isize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+pub(crate) fn shifted(shift: isize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
     let size = STATES - shift.unsigned_abs();
     if shift < 0 {
         (STATES - size..STATES, 0..size)

@@ -8,7 +8,7 @@
 //! with a low confidence instead of a wrong pick. An edited line is one vote against those of its
 //! neighbours and of the road before and after it.
 
-use crate::drift::{Drifts, Receivers};
+use crate::drift::{Drifts, Receivers, shifted};
 use crate::profile::Profile;
 use crate::visibility::line_sigma_m;
 
@@ -213,8 +213,10 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
 
 /// The states within `reach_m` of an offset.
 fn near(centre_m: f64, reach_m: f64) -> std::ops::Range<usize> {
-    let from = ((centre_m - reach_m + REACH_M) / STEP_M).ceil().max(0.0) as usize;
-    let last = ((centre_m + reach_m + REACH_M) / STEP_M).floor();
+    // Rounded up and down by hand: `ceil` and `floor` are calls on processors without SSE 4.1.
+    let first = ((centre_m - reach_m + REACH_M) / STEP_M).max(0.0);
+    let from = first as usize + usize::from(first > (first as usize) as f64);
+    let last = (centre_m + reach_m + REACH_M) / STEP_M;
     let to = if last < 0.0 { 0 } else { last as usize + 1 }.min(STATES);
     from.min(to)..to
 }
@@ -276,7 +278,13 @@ fn multiply(belief: &mut Offsets, factor: &Offsets) -> f64 {
 fn peak(posterior: &Offsets) -> Registration {
     let reach = (PEAK_M / STEP_M).round() as usize;
     let window = |centre: usize| centre.saturating_sub(reach)..=(centre + reach).min(STATES - 1);
-    let masses: Offsets = std::array::from_fn(|centre| posterior[window(centre)].iter().sum());
+    let mut masses = [0.0; STATES];
+    for shift in -(reach as isize)..=reach as isize {
+        let (centres, states) = shifted(shift);
+        for (mass, value) in masses[centres].iter_mut().zip(&posterior[states]) {
+            *mass += value;
+        }
+    }
     let best = (0..STATES)
         .max_by(|&a, &b| masses[a].total_cmp(&masses[b]).then(b.cmp(&a)))
         .unwrap_or(STATES / 2);
