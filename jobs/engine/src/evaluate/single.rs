@@ -76,6 +76,7 @@ mod tests {
     fn a_look_shows_the_box_ahead() {
         // Northwards from 50 degrees north: 3 to 20 m ahead, 6 m to the left, 4 m to the right.
         let look = Footprint {
+            kinds: 0,
             tile: 0,
             vehicle: 1,
             channel: 0,
