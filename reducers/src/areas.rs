@@ -424,7 +424,7 @@ mod tests {
 
     fn judged(rows: &[EvidenceRow]) -> ChangeRecord {
         let rows: Vec<&EvidenceRow> = rows.iter().collect();
-        judge(&arrow(), &rows, FusionModel::Calibrated).remove(0)
+        judge(&arrow(), &rows, Fold::of_fleet(FusionModel::Calibrated)).remove(0)
     }
 
     fn five(hits: i32, left_m: f64, along_m: f64, class: SignClass) -> Vec<EvidenceRow> {

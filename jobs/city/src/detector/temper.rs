@@ -69,7 +69,7 @@ impl Temper {
     /// Whether nothing at all is seen in this frame.
     pub(super) fn is_blind(&mut self, period_s: f64) -> bool {
         self.frame += 1;
-        if self.frame % FORGET_FRAMES == 0 {
+        if self.frame.is_multiple_of(FORGET_FRAMES) {
             let oldest = self.frame.saturating_sub(FORGET_FRAMES);
             self.memories
                 .retain(|_, memory| memory.last_frame >= oldest);

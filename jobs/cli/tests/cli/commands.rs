@@ -415,7 +415,7 @@ fn help_names_the_exit_codes() {
 
 #[test]
 fn the_reference_is_fresh() {
-    let printed = tilefold(["reference".as_ref()]).with_code(0).out;
+    let printed = tilefold(["reference"]).with_code(0).out;
     let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/cli.md");
     let kept = fs::read_to_string(&book).unwrap();
     assert!(
