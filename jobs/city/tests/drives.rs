@@ -139,7 +139,7 @@ fn camera_logs_hold_pictures_calibration_mounting_and_truth() {
             }
             Payload::Transforms { transforms, .. } => {
                 assert_eq!(transforms[0].parent_frame, "base_link");
-                assert_eq!(transforms[0].child_frame, message.frame_id);
+                assert_eq!(transforms[0].child_frame, "camera_optical_frame");
                 mountings += 1;
             }
             _ => {}
