@@ -7,8 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use tilefold_city::{Lane, World};
+use tilefold_city::{CitySpec, Lane, Site, World, write};
+use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader};
 use tilefold_formats::map;
+use tilefold_schemas::log::{LogMessage, Payload};
 use tilefold_tiler::geodesy::LocalFrame;
 
 /// The folder of real data, or why there is none.
@@ -502,4 +504,47 @@ fn no_changed_byte_panics() {
         refused += usize::from(world(&String::from_utf8(body).unwrap()).is_err());
     }
     assert!(refused > 100, "most break the XML: {refused}");
+}
+
+#[test]
+fn real_maps_are_changed_and_driven_through() {
+    let Some(folder) = data() else { return };
+    for map in [
+        "karlsruhe/mapping_example.osm",
+        "kashiwanoha/kashiwanoha_road_shoulder_added.osm",
+    ] {
+        let out = tempfile::tempdir().unwrap();
+        for seed in 0..6 {
+            let spec = CitySpec {
+                seed,
+                site: Site::Mapped {
+                    map: folder.join("maps").join(map),
+                },
+                change_share: 0.2,
+                vehicles: 3,
+                drives: 6,
+                drive_km: 0.5,
+                ..CitySpec::default()
+            };
+            let files = write(&spec, out.path()).unwrap();
+            let truth = std::fs::read_to_string(&files.truth).unwrap();
+            assert!(truth.contains("\"change_type\""), "{map}, seed {seed}");
+            let detections: usize = files.logs.iter().map(|log| detections(log)).sum();
+            assert!(detections > 500, "{map}, seed {seed}: {detections}");
+        }
+    }
+}
+
+fn detections(log: &Path) -> usize {
+    let index = LogIndex::open(log).unwrap();
+    let mut count = 0;
+    let add = |message: LogMessage| {
+        if let Payload::Detections(frame) = message.payload {
+            count += frame.detections.len();
+        }
+    };
+    LogReader::new()
+        .read(&index, |_, _| true, ALL_TIME, add)
+        .unwrap();
+    count
 }

@@ -120,11 +120,11 @@ impl<'a> Look<'a> {
 
     fn outline(&self, index: usize, paint: &Paint) -> Option<Sight> {
         let points = self.whole(paint)?;
-        // Signs of the other direction are read by nobody.
-        let forward = points[1][0] - points[0][0] + points[2][0] - points[3][0];
+        // Signs of the other direction are read by nobody: the first side points ahead.
+        let is_ahead = points.get(1).is_some_and(|second| second[0] > points[0][0]);
         let is_readable = paint.kind == ElementKind::Crosswalk
             || paint.sign == SignClass::BoxJunction
-            || forward > 0.0;
+            || is_ahead;
         is_readable.then(|| sight(index, paint, points))
     }
 

@@ -31,7 +31,7 @@ impl Editing<'_> {
             Happening::Shifted => {
                 let left_m = random.sign() * random.between(SHIFT_M.0, SHIFT_M.1);
                 let becomes = Paint {
-                    points: shifted(&paint.points, left_m),
+                    points: shifted(paint.kind, &paint.points, left_m),
                     ..paint
                 };
                 self.replace(index, happening, becomes, dates);
@@ -196,11 +196,11 @@ pub(super) fn retyped(paint: &Paint, random: &mut Random) -> Option<Paint> {
 
 /// The points moved to the left of their course (or right, if negative). Outlines are moved as a
 /// whole, to the left of their first side.
-pub(super) fn shifted(points: &[Point], left_m: f64) -> Vec<Point> {
-    let is_outline = points.len() == 4;
+pub(super) fn shifted(kind: ElementKind, points: &[Point], left_m: f64) -> Vec<Point> {
+    let is_outline = matches!(kind, ElementKind::Crosswalk | ElementKind::GroundSign);
     let moved = |index: usize| {
         let (from, to) = match is_outline {
-            true => (points[0], points[1]),
+            true => (points[0], points[1.min(points.len() - 1)]),
             false => (
                 points[index.saturating_sub(1)],
                 points[(index + 1).min(points.len() - 1)],

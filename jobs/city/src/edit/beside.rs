@@ -9,6 +9,7 @@ use crate::world::{Lane, Paint, Point};
 
 /// A line is a lane's border if its middle lies this near to where the border should be, in metres.
 const BORDER_M: f64 = 0.7;
+const LINE: ElementKind = ElementKind::LaneMarking;
 /// Shorter lines are left alone, in metres.
 const LEAST_M: f64 = 40.0;
 /// No line is longer than this from end to end, in metres: one that begins further off is not asked.
@@ -52,7 +53,7 @@ impl Editing<'_> {
     /// The lane's left and right line, where nothing has happened to either.
     fn borders(&self, lane: &Lane, middle: usize) -> Option<[usize; 2]> {
         let from = lane.centre[middle - 1];
-        let beside = |left_m| shifted(&[from, lane.centre[middle]], left_m)[1];
+        let beside = |left_m| shifted(LINE, &[from, lane.centre[middle]], left_m)[1];
         let half_m = lane.width_m / 2.0;
         let left = self.line_at(beside(half_m))?;
         let right = self.line_at(beside(-half_m))?;
@@ -81,7 +82,7 @@ impl Editing<'_> {
             false => lane.width_m,
         };
         let outer = Paint {
-            points: shifted(&edge.points, outwards_m),
+            points: shifted(LINE, &edge.points, outwards_m),
             ..edge.clone()
         };
         let becomes = Paint {
@@ -117,7 +118,7 @@ impl Editing<'_> {
                 false => -left_m,
             };
             let becomes = Paint {
-                points: shifted(&line.points, left_m),
+                points: shifted(LINE, &line.points, left_m),
                 color: Color::Yellow,
                 marking: Marking::Solid,
                 ..line
