@@ -40,7 +40,9 @@ impl Case {
     }
 
     fn city() -> Self {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bytes");
+        // Test runners may give each test a process: each makes a city of its own.
+        let folder = format!("same_bytes-{}", std::process::id());
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
         let city = small_city(&folder);
         Self::new("city", city.before_map, city.logs)
     }
