@@ -60,7 +60,7 @@ pub fn judge(
     footprints: &[Footprint],
     map: &MapIndex,
     tile_level: u32,
-    fold: Fold,
+    fold: &Fold,
 ) -> Vec<ChangeRecord> {
     let looks = AreaLooks::new(footprints);
     let mut records: Vec<ChangeRecord> = Vec::new();
@@ -386,6 +386,8 @@ impl<'s, 'a> Candidate<'s, 'a> {
                 .map(|look| look.last_ns)
                 .max()
                 .unwrap_or(earliest.last_ns),
+            changed_after_ns: None,
+            changed_before_ns: None,
             shift_m: None,
             shift_sigma_m: None,
             class_observed: self.class(),

@@ -65,11 +65,7 @@ struct Claims {
 
 /// The change record of one element; rows are those of its present content, in any order.
 #[must_use]
-pub fn judge(
-    mapped: &MappedElement,
-    rows: &[&EvidenceRow],
-    Fold { model, quorum }: Fold,
-) -> Vec<ChangeRecord> {
+pub fn judge(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Vec<ChangeRecord> {
     let rows: Vec<&EvidenceRow> = rows
         .iter()
         .filter(|row| row.content == mapped.content.0)
@@ -77,7 +73,7 @@ pub fn judge(
         .collect();
     let sections = [passes(&rows)];
     let claims = weigh(&sections[0], mapped.element.kind, mapped.element.sign);
-    let posterior = match model {
+    let posterior = match fold.model {
         FusionModel::Paper => paper::posterior(&sections[0]),
         FusionModel::Calibrated => [
             claims.in_place,
@@ -91,14 +87,16 @@ pub fn judge(
         shift_m: claims.left.0,
         shift_sigma_m: claims.left.1,
     }];
-    let verdict = if elements::vehicles(&sections, (0, 1)).len() < quorum {
+    let verdict = if elements::vehicles(&sections, (0, 1)).len() < fold.quorum {
         Verdict::Unknown
     } else {
         elements::verdict(&posterior)
     };
     let whole = (0, 1);
     let length_m = mapped.length_m;
-    let mut record = elements::record(mapped, &sections, &judged, verdict, whole, length_m, model);
+    let mut record = elements::record(
+        mapped, &sections, &judged, verdict, whole, length_m, fold.model,
+    );
     // `elements` takes what has one section for as long as that; an area is judged as a whole.
     record.geometry_old = Some(outline(mapped, [0.0; 2]));
     record.geometry_new = None;
@@ -359,6 +357,7 @@ fn readings(passes: &[Pass], class: Option<SignClass>) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::SensorModel;
     use std::collections::BTreeMap;
     use tilefold_schemas::ElementId;
     use tilefold_schemas::evidence::CLASS_BINS;
@@ -424,7 +423,8 @@ mod tests {
 
     fn judged(rows: &[EvidenceRow]) -> ChangeRecord {
         let rows: Vec<&EvidenceRow> = rows.iter().collect();
-        judge(&arrow(), &rows, Fold::of_fleet(FusionModel::Calibrated)).remove(0)
+        let fold = Fold::of_fleet(FusionModel::Calibrated, SensorModel::default());
+        judge(&arrow(), &rows, &fold).remove(0)
     }
 
     fn five(hits: i32, left_m: f64, along_m: f64, class: SignClass) -> Vec<EvidenceRow> {

@@ -75,7 +75,7 @@ pub fn judge(
     footprints: &[Footprint],
     map: &MapIndex,
     tile_level: u32,
-    fold: Fold,
+    fold: &Fold,
 ) -> Vec<ChangeRecord> {
     let looks = LookIndex::new(footprints, map);
     let mut records: Vec<ChangeRecord> = components(sightings)
@@ -147,7 +147,7 @@ fn judge_component(
     component: &[&Sighting],
     looks: &LookIndex,
     tile_level: u32,
-    fold: Fold,
+    fold: &Fold,
 ) -> Vec<ChangeRecord> {
     let model_name = fold.model.name();
     let Some(anchor) = component
@@ -522,7 +522,8 @@ fn judge_line(
         .map(|section| vec![0.0, WORTH * section.nats()])
         .collect();
     let prior = [1.0 - PRIOR_ADDED, PRIOR_ADDED];
-    let posterior = chain::posterior(&logs, &prior, &[vec![1.0, 0.0], vec![0.0, 1.0]]);
+    let chain = chain::posterior(&logs, &prior, &[vec![1.0, 0.0], vec![0.0, 1.0]]);
+    let posterior = chain.posterior;
     let mut records = Vec::new();
     let mut from = 0;
     while from < judged.len() {
@@ -687,6 +688,8 @@ fn record(
             .sum(),
         first_ns: looks().map(|look| look.first_ns).min().unwrap_or(0),
         last_ns: looks().map(|look| look.last_ns).max().unwrap_or(0),
+        changed_after_ns: None,
+        changed_before_ns: None,
         shift_m: None,
         shift_sigma_m: None,
         class_observed: None,

@@ -7,42 +7,54 @@
 /// Chance that a change begins or ends between two sections.
 const BOUNDARY: f64 = 0.03;
 
+/// What a chain says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain {
+    /// Posterior of every state at every section.
+    pub posterior: Vec<Vec<f64>>,
+    /// Log-probability of all that was seen, in nats.
+    pub log_evidence: f64,
+}
+
 /// Posterior of every state at every section, from log-likelihoods in nats and the prior.
 /// `kin[a][b]` is the chance of state `b` after state `a` where no boundary lies between them.
 #[must_use]
-pub fn posterior(log_likelihoods: &[Vec<f64>], prior: &[f64], kin: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let likelihoods: Vec<Vec<f64>> = log_likelihoods.iter().map(|logs| scaled(logs)).collect();
-    let size = likelihoods.len();
-    let mut forward: Vec<Vec<f64>> = Vec::with_capacity(size);
-    for likelihood in &likelihoods {
+pub fn posterior(log_likelihoods: &[Vec<f64>], prior: &[f64], kin: &[Vec<f64>]) -> Chain {
+    let mut log_evidence = 0.0;
+    let mut likelihoods: Vec<Vec<f64>> = Vec::with_capacity(log_likelihoods.len());
+    let mut forward: Vec<Vec<f64>> = Vec::with_capacity(log_likelihoods.len());
+    for logs in log_likelihoods {
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let likelihood: Vec<f64> = logs.iter().map(|log| libm::exp(log - most)).collect();
         let before = forward
             .last()
             .map_or_else(|| prior.to_vec(), |last| step(last, prior, kin));
-        forward.push(product(&before, likelihood));
+        let (belief, total) = product(&before, &likelihood);
+        log_evidence += most + libm::log(total.max(f64::MIN_POSITIVE));
+        forward.push(belief);
+        likelihoods.push(likelihood);
     }
     let mut backward = vec![1.0; prior.len()];
-    for index in (0..size).rev() {
-        forward[index] = product(&forward[index], &backward);
-        let beyond = product(&backward, &likelihoods[index]);
+    for index in (0..forward.len()).rev() {
+        forward[index] = product(&forward[index], &backward).0;
+        let (beyond, _) = product(&backward, &likelihoods[index]);
         backward = step_back(&beyond, prior, kin);
     }
-    forward
+    Chain {
+        posterior: forward,
+        log_evidence,
+    }
 }
 
-fn scaled(logs: &[f64]) -> Vec<f64> {
-    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    logs.iter().map(|log| libm::exp(log - most)).collect()
-}
-
-/// Pointwise product, normalised.
-fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+/// Pointwise product, normalised, and what it summed to.
+fn product(a: &[f64], b: &[f64]) -> (Vec<f64>, f64) {
     let products: Vec<f64> = a.iter().zip(b).map(|(a, b)| a * b).collect();
     let total: f64 = products.iter().sum();
-    if total > 0.0 {
-        products.iter().map(|value| value / total).collect()
-    } else {
-        vec![1.0 / a.len() as f64; a.len()]
-    }
+    let normalised = match total > 0.0 {
+        true => products.iter().map(|value| value / total).collect(),
+        false => vec![1.0 / a.len() as f64; a.len()],
+    };
+    (normalised, total)
 }
 
 fn step(belief: &[f64], prior: &[f64], kin: &[Vec<f64>]) -> Vec<f64> {
@@ -92,8 +104,10 @@ mod tests {
                 sums[state(section)] += weight;
             }
         }
-        for (found, sums) in posterior(&logs, &prior, &alike).iter().zip(by_hand) {
+        let chain = posterior(&logs, &prior, &alike);
+        for (found, sums) in chain.posterior.iter().zip(by_hand) {
             let total = sums[0] + sums[1];
+            assert!((chain.log_evidence - total.ln()).abs() < 1e-12);
             assert!((found[0] - sums[0] / total).abs() < 1e-12);
         }
     }

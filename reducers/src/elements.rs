@@ -8,21 +8,16 @@ use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::{Polyline, section_count, section_range};
 
 use crate::areas;
-use crate::calibrated::{self, Claim, State};
-use crate::chain;
 use crate::fold::{Fold, FusionModel};
+use crate::lines;
 use crate::markings;
 use crate::paper;
 use crate::passes::{Pass, passes};
-use crate::sensor::SensorModel;
-use crate::traverse;
 
 /// Section length in metres, as the map stage counts sections.
 pub const SECTION_M: f64 = 10.0;
-/// Prior of removed and of modified: half of 2 % churn each.
-const PRIOR_CHANGE: [f64; 2] = [0.01, 0.01];
-/// Affinity of sections that differ in how well they can be seen, relative to those that do not.
-const OTHER_LEVEL: f64 = 0.1;
+/// Standard deviation of a pass's residual where no sensor model says so, in metres.
+const PAPER_PASS_SIGMA_M: f64 = 0.25;
 /// A vehicle of the quorum has looked with at least this much visibility, in fully visible frames.
 const MIN_LOOK: f64 = 1.0;
 /// Below this posterior no hypothesis is called.
@@ -38,35 +33,42 @@ pub(crate) struct Judged {
 
 /// Change records of one element: one if it is of one piece, else one per changed stretch.
 #[must_use]
-pub fn judge(
-    mapped: &MappedElement,
-    rows: &[&EvidenceRow],
-    Fold { model, quorum }: Fold,
-) -> Vec<ChangeRecord> {
+pub fn judge(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Vec<ChangeRecord> {
     if mapped.element.kind != ElementKind::LaneMarking {
-        return areas::judge(mapped, rows, Fold { model, quorum });
+        return areas::judge(mapped, rows, fold);
     }
-    let length_m = mapped.length_m;
-    let count = section_count(length_m, SECTION_M);
-    let sections = by_section(rows, mapped, count);
-    let judged = match model {
-        FusionModel::Paper => sections.iter().map(judge_paper).collect(),
+    let sections = by_section(rows, mapped);
+    let (judged, sections, since) = match fold.model {
+        FusionModel::Paper => (sections.iter().map(judge_paper).collect(), sections, None),
         FusionModel::Calibrated => {
-            let sensor = SensorModel::default();
-            let mut judged = judge_calibrated(&sections, &sensor);
-            markings::retype(mapped.element.marking, &sections, &sensor, &mut judged);
-            judged
+            let line = lines::judge(&sections, &fold.sensor);
+            let mut judged = line.sections;
+            let marking = mapped.element.marking;
+            markings::retype(marking, &line.passes, &fold.sensor, &mut judged);
+            (judged, line.passes, line.since)
         }
     };
-    stretches(&judged, &sections, quorum)
+    let record = |(verdict, range): Stretch| {
+        let length_m = mapped.length_m;
+        let mut record = record(
+            mapped, &sections, &judged, verdict, range, length_m, fold.model,
+        );
+        if verdict.is_change() {
+            record.changed_after_ns = since.map(|since| since.after_ns);
+            record.changed_before_ns = since.map(|since| since.before_ns);
+        }
+        record
+    };
+    stretches(&judged, &sections, fold.quorum)
         .into_iter()
-        .map(|(verdict, range)| record(mapped, &sections, &judged, verdict, range, length_m, model))
+        .map(record)
         .collect()
 }
 
 /// The passes over each section of the element as it is now; rows about another content of the
 /// element are of an older map and do not count.
-fn by_section(rows: &[&EvidenceRow], mapped: &MappedElement, count: u32) -> Vec<Vec<Pass>> {
+pub(crate) fn by_section(rows: &[&EvidenceRow], mapped: &MappedElement) -> Vec<Vec<Pass>> {
+    let count = section_count(mapped.length_m, SECTION_M);
     let mut grouped: BTreeMap<i32, Vec<&EvidenceRow>> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.content == mapped.content.0) {
         grouped.entry(row.section).or_default().push(row);
@@ -88,87 +90,6 @@ fn judge_paper(section: &Vec<Pass>) -> Judged {
         posterior: paper::posterior(section),
         shift_m,
         shift_sigma_m,
-    }
-}
-
-fn judge_calibrated(sections: &[Vec<Pass>], sensor: &SensorModel) -> Vec<Judged> {
-    let states = calibrated::states();
-    let [removed, shifted] = PRIOR_CHANGE;
-    let prior: Vec<f64> = states
-        .iter()
-        .map(|state| match state.claim {
-            Claim::Removed => state.share * removed,
-            Claim::InPlace { .. } => state.share * (1.0 - removed - shifted),
-            Claim::Shifted { .. } => state.share * shifted,
-        })
-        .collect();
-    let worths = traverse::worths(sections);
-    let logs: Vec<Vec<f64>> = sections
-        .iter()
-        .zip(&worths)
-        .map(|(passes, worths)| {
-            let sums = calibrated::log_likelihoods(passes, worths, &states, sensor);
-            sums.into_iter().map(fixed::to_f64).collect()
-        })
-        .collect();
-    let posterior = chain::posterior(&logs, &prior, &kin(&states));
-    posterior
-        .iter()
-        .map(|states_p| merge_states(states_p, &states))
-        .collect()
-}
-
-/// Within a claim, offset and detectability may wander to the next ones from section to section.
-fn kin(states: &[State]) -> Vec<Vec<f64>> {
-    let near = |a: f64, b: f64, scale: f64| {
-        let z = (a - b) / scale;
-        libm::exp(-0.5 * z * z)
-    };
-    let affinity = |a: &State, b: &State| match (a.claim, b.claim) {
-        (Claim::Removed, Claim::Removed) => 1.0,
-        (Claim::InPlace { offset_m: p }, Claim::InPlace { offset_m: q })
-        | (Claim::Shifted { offset_m: p }, Claim::Shifted { offset_m: q }) => {
-            near(p, q, 0.1) * if a.level == b.level { 1.0 } else { OTHER_LEVEL }
-        }
-        _ => 0.0,
-    };
-    let row = |from: &State| {
-        let row: Vec<f64> = states.iter().map(|to| affinity(from, to)).collect();
-        let total: f64 = row.iter().sum();
-        row.iter().map(|value| value / total).collect()
-    };
-    states.iter().map(row).collect()
-}
-
-fn merge_states(posterior: &[f64], states: &[State]) -> Judged {
-    let mut merged = [0.0; 4];
-    let (mut sum, mut square) = (0.0, 0.0);
-    for (p, state) in posterior.iter().zip(states) {
-        match state.claim {
-            Claim::InPlace { .. } => merged[0] += p,
-            Claim::Removed => merged[2] += p,
-            Claim::Shifted { offset_m } => {
-                merged[3] += p;
-                sum += p * offset_m;
-                square += p * offset_m * offset_m;
-            }
-        }
-    }
-    let shift_m = if merged[3] > 0.0 {
-        sum / merged[3]
-    } else {
-        0.0
-    };
-    let variance = if merged[3] > 0.0 {
-        square / merged[3] - shift_m * shift_m
-    } else {
-        0.0
-    };
-    Judged {
-        posterior: merged,
-        shift_m,
-        // The grid itself is no finer than its step.
-        shift_sigma_m: (variance.max(0.0) + 0.1 * 0.1 / 12.0).sqrt(),
     }
 }
 
@@ -254,7 +175,7 @@ fn mean_residual(sections: &[Vec<Pass>]) -> Option<(f64, f64)> {
     let count = residuals.len() as f64;
     (!residuals.is_empty()).then(|| {
         let mean = residuals.iter().sum::<f64>() / count;
-        (mean, SensorModel::default().pass_sigma_m / count.sqrt())
+        (mean, PAPER_PASS_SIGMA_M / count.sqrt())
     })
 }
 
@@ -314,6 +235,8 @@ pub(crate) fn record(
             .and_then(|(shift_m, _)| shifted_geometry(mapped, from_m, to_m, shift_m)),
         best_vehicle: best.map_or(0, |pass| pass.vehicle),
         best_ns: best.map_or(0, |pass| pass.best_ns),
+        changed_after_ns: None,
+        changed_before_ns: None,
         fusion_model: model.name().to_owned(),
     }
 }

@@ -1,5 +1,7 @@
 //! How evidence is folded: by which model, and how many vehicles a verdict takes.
 
+use crate::sensor::SensorModel;
+
 /// How evidence becomes a posterior.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FusionModel {
@@ -25,25 +27,35 @@ impl FusionModel {
 }
 
 /// How evidence is folded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Fold {
     /// How evidence becomes a posterior.
     pub model: FusionModel,
     /// A verdict takes at least this many vehicles, and so does the place at which a candidate
     /// begins.
     pub quorum: usize,
+    /// How the fleet's detectors err.
+    pub sensor: SensorModel,
 }
 
 impl Fold {
     /// What layers are made with: one vehicle alone is never believed.
     #[must_use]
-    pub fn of_fleet(model: FusionModel) -> Self {
-        Self { model, quorum: 2 }
+    pub fn of_fleet(model: FusionModel, sensor: SensorModel) -> Self {
+        Self {
+            model,
+            quorum: 2,
+            sensor,
+        }
     }
 
     /// What one vehicle says by itself: to be compared with what many say, not to be published.
     #[must_use]
-    pub fn of_one(model: FusionModel) -> Self {
-        Self { model, quorum: 1 }
+    pub fn of_one(model: FusionModel, sensor: SensorModel) -> Self {
+        Self {
+            model,
+            quorum: 1,
+            sensor,
+        }
     }
 }

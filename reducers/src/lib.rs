@@ -12,12 +12,15 @@ pub mod calibrated;
 pub mod candidates;
 pub mod chain;
 pub mod elements;
+pub mod fit;
 pub mod fold;
+mod lines;
 mod markings;
 pub mod paper;
 pub mod passes;
 pub mod reduce_tile;
 pub mod sensor;
+pub mod space;
 mod traverse;
 
 pub use fold::{Fold, FusionModel};

@@ -73,6 +73,18 @@ fn votes(sections: &[Vec<Pass>]) -> BTreeMap<i16, i64> {
     votes
 }
 
+/// Traverses that read the map's marking, and all that read any; none if the map says none.
+pub(crate) fn agreement(mapped: Marking, sections: &[Vec<Pass>]) -> (f64, f64) {
+    let votes = votes(sections);
+    match KINDS.contains(&mapped) {
+        true => (
+            votes.get(&mapped.code()).copied().unwrap_or(0) as f64,
+            votes.values().sum::<i64>() as f64,
+        ),
+        false => (0.0, 0.0),
+    }
+}
+
 /// Posterior of any other marking than the map's; none if the map says none.
 fn p_retyped(mapped: Marking, votes: &BTreeMap<i16, i64>, sensor: &SensorModel) -> Option<f64> {
     let mapped = match mapped {

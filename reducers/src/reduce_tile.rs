@@ -21,7 +21,7 @@ pub struct TileInput<'a> {
 
 /// The change records of a tile: one or more an element, then the additions.
 #[must_use]
-pub fn reduce_tile(input: &TileInput<'_>, fold: Fold) -> Vec<ChangeRecord> {
+pub fn reduce_tile(input: &TileInput<'_>, fold: &Fold) -> Vec<ChangeRecord> {
     let mut rows: BTreeMap<i64, Vec<&EvidenceRow>> = BTreeMap::new();
     for row in &input.rows {
         rows.entry(row.element).or_default().push(row);

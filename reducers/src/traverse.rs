@@ -51,7 +51,7 @@ pub(crate) fn worths(sections: &[Vec<Pass>]) -> Vec<Vec<f64>> {
 }
 
 /// The passes of each traverse, as (section, pass).
-fn traverses(sections: &[Vec<Pass>]) -> Vec<Vec<(usize, usize)>> {
+pub(crate) fn traverses(sections: &[Vec<Pass>]) -> Vec<Vec<(usize, usize)>> {
     let mut vehicles: BTreeMap<i64, Vec<(usize, usize)>> = BTreeMap::new();
     for (section, passes) in sections.iter().enumerate() {
         for (index, pass) in passes.iter().enumerate() {

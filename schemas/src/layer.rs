@@ -72,6 +72,10 @@ table! {
         pub first_ns: i64,
         /// Last exposure.
         pub last_ns: i64,
+        /// Last look at the state before the change, where it changed while it was observed.
+        pub changed_after_ns: Option<i64>,
+        /// First look at the state after it.
+        pub changed_before_ns: Option<i64>,
         /// Lateral shift, positive to the left of the element's direction, in metres.
         pub shift_m: Option<f64>,
         /// Its standard deviation.
@@ -102,6 +106,8 @@ table! {
         pub evidence_digest: String,
         /// Fusion model.
         pub fusion_model: String,
+        /// Sensor model; 0 is the built-in one. See [`SensorRow`].
+        pub sensor_model: i64,
         /// Instant up to which evidence counts, nanoseconds since the Unix epoch.
         pub as_of_ns: i64,
         /// Records with the verdict "no change".
@@ -114,6 +120,23 @@ table! {
         pub modified: i32,
         /// Records with the verdict "unknown".
         pub unknown: i32,
+    }
+}
+
+table! {
+    /// One parameter of the sensor model in force: how often, and how well, the fleet's detectors
+    /// match paint (method.md, section 9).
+    pub struct SensorRow in "sensor_models" {
+        /// Id of the model: a hash of all its parameters.
+        pub model: i64,
+        /// The vehicle that it is about; null for the fleet.
+        pub vehicle: Option<i64>,
+        /// Name of the parameter.
+        pub parameter: String,
+        /// Visibility at which the value holds; 0 where it does not depend on it.
+        pub visibility: f64,
+        /// The value.
+        pub value: f64,
     }
 }
 

@@ -18,5 +18,5 @@ pub mod wkb;
 pub use element::{Color, Element, ElementKind, Marking, SignClass};
 pub use evidence::{ChunkRow, EvidenceRow, Footprint, Sighting};
 pub use id::{ChunkId, ContentHash, ElementId, TileId, VehicleKey};
-pub use layer::{ChangeRecord, LayerHeader, Verdict};
+pub use layer::{ChangeRecord, LayerHeader, SensorRow, Verdict};
 pub use set_aside::{SetAside, SetAsideKind};

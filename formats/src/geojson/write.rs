@@ -48,7 +48,8 @@ fn feature(record: &ChangeRecord) -> Result<String, GeoJsonError> {
 
 fn properties(record: &ChangeRecord, verdict: Verdict, kind: ElementKind) -> Map<String, Value> {
     let change = format!("{:016x}", record.change);
-    let rows: [(&str, Value); 20] = [
+    let time = |stamp_ns: Option<i64>| stamp_ns.map(utc);
+    let rows: [(&str, Value); 22] = [
         ("element_id", record.element.into()),
         ("change_type", verdict.name().into()),
         ("kind", kind.name().into()),
@@ -64,6 +65,8 @@ fn properties(record: &ChangeRecord, verdict: Verdict, kind: ElementKind) -> Map
         ("hit", record.hit.into()),
         ("first_seen", utc(record.first_ns).into()),
         ("last_seen", utc(record.last_ns).into()),
+        ("changed_after", time(record.changed_after_ns).into()),
+        ("changed_before", time(record.changed_before_ns).into()),
         ("shift_m", record.shift_m.into()),
         ("shift_sigma_m", record.shift_sigma_m.into()),
         ("tile", record.tile.into()),

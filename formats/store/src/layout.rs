@@ -3,7 +3,9 @@
 use arrow_schema::DataType;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::table::Table;
-use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting};
+use tilefold_schemas::{
+    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, SensorRow, Sighting,
+};
 
 /// Name of the column that places a row in a tile.
 pub(crate) const TILE: &str = "tile";
@@ -67,6 +69,10 @@ impl StoredTable for LayerHeader {
     const SORT_KEY: &'static [&'static str] = &["tile"];
 }
 
+impl StoredTable for SensorRow {
+    const SORT_KEY: &'static [&'static str] = &["vehicle", "parameter", "visibility"];
+}
+
 /// What the untyped parts of the crate need to know of a table.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
@@ -98,6 +104,7 @@ impl Layout {
             Self::of::<Sighting>(),
             Self::of::<Footprint>(),
             Self::of::<ChunkRow>(),
+            Self::of::<SensorRow>(),
             Self::of::<ChangeRecord>(),
             Self::of::<LayerHeader>(),
         ]

@@ -131,6 +131,12 @@ pub(crate) enum Command {
         #[arg(long)]
         plan: bool,
     },
+    /// Fits the sensor model to the store's evidence - how often, and how well, the fleet's detectors
+    /// match paint - and folds everything anew with it.
+    Calibrate {
+        /// The store.
+        store: PathBuf,
+    },
     /// Lists the versions of a store.
     Log {
         /// The store.

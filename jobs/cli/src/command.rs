@@ -13,13 +13,13 @@ use tilefold_formats::geojson::{read_changes_file, write_changes};
 use tilefold_formats::matching_truth::MatchingTruth;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
-    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting, Verdict,
+    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, SensorRow, Sighting, Verdict,
 };
 use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, digest_rows};
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{demo, evaluation, progress, reference, simulate, table};
+use crate::{calibration, demo, evaluation, progress, reference, simulate, table};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -52,6 +52,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
         Command::Run {
             store, logs, model, ..
         } => run_logs(args, store, logs, (*model).into()),
+        Command::Calibrate { store } => calibration::calibrate_store(args, store),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
         Command::Verify { store, version } => verify(args, store, *version),
@@ -299,6 +300,7 @@ fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
         sound_digest::<Sighting>(&snapshot)?,
         sound_digest::<Footprint>(&snapshot)?,
         sound_digest::<ChunkRow>(&snapshot)?,
+        sound_digest::<SensorRow>(&snapshot)?,
         sound_digest::<ElementRow>(&snapshot)?,
     ];
     let verification = Verification {

@@ -1,6 +1,7 @@
 //! The command line: flags in, reports out. It owns no algorithm.
 
 mod args;
+mod calibration;
 mod command;
 mod demo;
 mod evaluation;

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use tilefold_reducers::{Fold, FusionModel};
+use tilefold_reducers::{Fold, FusionModel, SensorModel};
 use tilefold_schemas::{SetAside, TileId};
 use tilefold_store::{Parameters, Store, StoreProperties, digest_rows};
 
@@ -72,13 +72,13 @@ pub fn init(
         .map(|row| base_map::from_row(row, tile_level))
         .collect::<Result<Vec<_>, _>>()?;
     let tiles: BTreeSet<TileId> = elements.iter().map(|element| element.tile).collect();
-    let fold = Fold::of_fleet(FusionModel::default());
+    let fold = Fold::of_fleet(FusionModel::default(), SensorModel::default());
     let layers = reduce_tiles(
         &tiles,
         &elements,
         &[],
         &[],
-        fold,
+        &fold,
         &Meter::default(),
         &Silent,
     )?;

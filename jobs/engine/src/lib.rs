@@ -5,6 +5,7 @@
 //! stage and the reduce stage, and kept by the store.
 
 mod base_map;
+pub mod calibrate;
 pub mod error;
 pub mod evaluate;
 pub mod init;
@@ -16,6 +17,7 @@ pub mod progress;
 pub mod reduce_job;
 pub mod run;
 
+pub use calibrate::{Calibration, calibrate};
 pub use error::EngineError;
 pub use evaluate::{Criteria, Evaluation, evaluate};
 pub use init::{InitOptions, InitReport, init};

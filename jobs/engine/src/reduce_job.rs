@@ -30,7 +30,7 @@ pub fn additions(
     footprints: &[Footprint],
     map: &MapIndex,
     tile_level: u32,
-    fold: Fold,
+    fold: &Fold,
 ) -> Vec<ChangeRecord> {
     let mut additions = candidates::judge(sightings, footprints, map, tile_level, fold);
     additions.extend(area_candidates::judge(
@@ -48,7 +48,7 @@ pub fn reduce_tiles(
     elements: &[MappedElement],
     rows: &[EvidenceRow],
     additions: &[ChangeRecord],
-    fold: Fold,
+    fold: &Fold,
     meter: &Meter,
     progress: &dyn Progress,
 ) -> Result<Vec<Layer>, EngineError> {
@@ -85,7 +85,7 @@ pub fn reduce_tiles(
     layers
 }
 
-fn layer(tile: TileId, input: &TileInput<'_>, fold: Fold) -> Result<Layer, EngineError> {
+fn layer(tile: TileId, input: &TileInput<'_>, fold: &Fold) -> Result<Layer, EngineError> {
     let records = reduce_tile(input, fold);
     let rows: Vec<EvidenceRow> = input.rows.iter().map(|row| (*row).clone()).collect();
     let as_of_ns = rows.iter().map(|row| row.last_ns).max().unwrap_or(0);
@@ -101,6 +101,7 @@ fn layer(tile: TileId, input: &TileInput<'_>, fold: Fold) -> Result<Layer, Engin
             digest: digest_rows(records.clone())?,
             evidence_digest: digest_rows(rows)?,
             fusion_model: fold.model.name().to_owned(),
+            sensor_model: fold.sensor.id(),
             as_of_ns,
             no_change: count(Verdict::NoChange),
             added: count(Verdict::Added),

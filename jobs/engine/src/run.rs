@@ -15,6 +15,7 @@ use tilefold_tiler::map_index::{MapIndex, MappedElement};
 use tilefold_workers::MapContext;
 
 use crate::base_map;
+use crate::calibrate;
 use crate::error::EngineError;
 use crate::logs::Catalogue;
 use crate::map_job::{KnownChunks, MapOutput, map_units};
@@ -103,6 +104,7 @@ pub fn run(
         map: MapIndex::new(read_elements(&snapshot, tile_level)?),
         tile_level,
     };
+    let sensor = calibrate::sensor_model(&snapshot)?;
     let known_rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
     let salt = &store.properties().salt;
     let mapped = map_units(
@@ -131,11 +133,11 @@ pub fn run(
     let update = Update {
         map: &context.map,
         tile_level,
-        model,
+        fold: &Fold::of_fleet(model, sensor),
         meter: &meter,
         progress,
     };
-    let (version, tiles) = update.commit(transaction, known_rows, mapped)?;
+    let (version, tiles) = update.commit("run", transaction, known_rows, mapped)?;
     report.is_new_version = version != report.version;
     report.version = version;
     report.tiles_reduced = tiles;
@@ -210,18 +212,19 @@ macro_rules! testified {
 testified!(EvidenceRow, Sighting, Footprint);
 
 /// From mapped chunks to a committed version.
-struct Update<'a> {
-    map: &'a MapIndex,
-    tile_level: u32,
-    model: FusionModel,
-    meter: &'a Meter,
-    progress: &'a dyn Progress,
+pub(crate) struct Update<'a> {
+    pub(crate) map: &'a MapIndex,
+    pub(crate) tile_level: u32,
+    pub(crate) fold: &'a Fold,
+    pub(crate) meter: &'a Meter,
+    pub(crate) progress: &'a dyn Progress,
 }
 
 impl Update<'_> {
     /// Commits; returns the version and how many tiles were reduced.
-    fn commit(
+    pub(crate) fn commit(
         &self,
+        operation: &str,
         mut transaction: Transaction,
         known: Vec<ChunkRow>,
         output: MapOutput,
@@ -254,9 +257,14 @@ impl Update<'_> {
         chunks.extend(kept);
         transaction.overwrite(chunks)?;
 
-        let fold = Fold::of_fleet(self.model);
         let additions = self.meter.time(Stage::Reduce, || {
-            additions(&sightings, &footprints, self.map, self.tile_level, fold)
+            additions(
+                &sightings,
+                &footprints,
+                self.map,
+                self.tile_level,
+                self.fold,
+            )
         });
         let tiles = self.dirty_tiles(&base, &touched, &additions)?;
         let rows = self.rows_of(&base, &tiles, &touched, rows)?;
@@ -265,28 +273,31 @@ impl Update<'_> {
             self.map.elements(),
             &rows,
             &additions,
-            fold,
+            self.fold,
             self.meter,
             self.progress,
         )?;
         self.progress.begin(Stage::Commit, tiles.len() as u64);
         let version = self.meter.time(Stage::Commit, || {
             write_layers(&mut transaction, &tiles, layers)?;
-            let model = self.model.name().to_owned();
+            let model = self.fold.model.name().to_owned();
             let parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
-            Ok::<_, EngineError>(transaction.commit("run", parameters)?)
+            Ok::<_, EngineError>(transaction.commit(operation, parameters)?)
         })?;
         self.meter.count(Stage::Commit, tiles.len() as u64, 0);
         self.progress.end(Stage::Commit);
         Ok((version, tiles.len()))
     }
 
-    /// Whether the layers were made with another fusion model than the one asked for.
+    /// Whether layers were made with another model than the one asked for.
     fn changes_model(&self, base: &Snapshot) -> Result<bool, EngineError> {
         let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        Ok(headers
-            .iter()
-            .any(|header| header.fusion_model != self.model.name()))
+        Ok(headers.iter().any(|header| self.is_other_model(header)))
+    }
+
+    fn is_other_model(&self, header: &LayerHeader) -> bool {
+        header.fusion_model != self.fold.model.name()
+            || header.sensor_model != self.fold.sensor.id()
     }
 
     /// Replaces what the touched tiles hold of `new` chunks; returns all their rows.
@@ -355,9 +366,7 @@ impl Update<'_> {
             .chain(now.keys())
             .filter(|tile| before.get(tile) != now.get(tile));
         let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        let other_model = headers
-            .iter()
-            .filter(|h| h.fusion_model != self.model.name());
+        let other_model = headers.iter().filter(|header| self.is_other_model(header));
         Ok(touched
             .iter()
             .copied()

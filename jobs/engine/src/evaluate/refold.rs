@@ -3,11 +3,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use tilefold_reducers::{Fold, FusionModel, candidates, elements};
+use tilefold_reducers::{Fold, FusionModel, SensorModel, candidates, elements};
 use tilefold_schemas::{ChangeRecord, EvidenceRow, Footprint, LayerHeader, Sighting, TileId};
 use tilefold_store::{Snapshot, TileFilter};
 use tilefold_tiler::map_index::MapIndex;
 
+use crate::calibrate;
 use crate::error::EngineError;
 use crate::meter::Meter;
 use crate::progress::Silent;
@@ -25,6 +26,7 @@ pub struct Refold {
     records: Vec<ChangeRecord>,
     /// Fusion models that the layers were made with, by name.
     models: BTreeSet<String>,
+    sensor: SensorModel,
 }
 
 impl Refold {
@@ -42,6 +44,7 @@ impl Refold {
             sightings: snapshot.read(TileFilter::All)?,
             footprints: snapshot.read(TileFilter::All)?,
             records: snapshot.read(TileFilter::All)?,
+            sensor: calibrate::sensor_model(snapshot)?,
             models: headers
                 .into_iter()
                 .map(|header| header.fusion_model)
@@ -64,13 +67,13 @@ impl Refold {
         if self.models.iter().all(|name| name == model.name()) {
             return Ok(self.records.clone());
         }
-        let fold = Fold::of_fleet(model);
+        let fold = Fold::of_fleet(model, self.sensor.clone());
         let additions = additions(
             &self.sightings,
             &self.footprints,
             &self.map,
             self.tile_level,
-            fold,
+            &fold,
         );
         let owners = self.map.elements().iter().map(|element| element.tile);
         let tiles: BTreeSet<TileId> = owners
@@ -81,7 +84,7 @@ impl Refold {
             self.map.elements(),
             &self.rows,
             &additions,
-            fold,
+            &fold,
             &Meter::default(),
             &Silent,
         )?;
@@ -99,14 +102,14 @@ impl Refold {
     /// that it was exposed to, and its additions.
     #[must_use]
     pub fn of_one(&self, model: FusionModel, vehicle: i64) -> Vec<ChangeRecord> {
-        let fold = Fold::of_one(model);
+        let fold = Fold::of_one(model, self.sensor.clone());
         let mut by_element: BTreeMap<i64, Vec<&EvidenceRow>> = BTreeMap::new();
         for row in self.rows.iter().filter(|row| row.vehicle == vehicle) {
             by_element.entry(row.element).or_default().push(row);
         }
         let exposed = self.map.elements().iter().filter_map(|element| {
             let rows = by_element.get(&element.element.id.0)?;
-            Some(elements::judge(element, rows, fold))
+            Some(elements::judge(element, rows, &fold))
         });
         let mut records: Vec<ChangeRecord> = exposed.flatten().collect();
         let of_vehicle = |row: &i64| *row == vehicle;
@@ -116,7 +119,7 @@ impl Refold {
             &self.looks_of(vehicle),
             &self.map,
             self.tile_level,
-            fold,
+            &fold,
         ));
         records
     }

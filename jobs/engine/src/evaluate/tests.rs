@@ -76,6 +76,8 @@ fn claim(verdict: Verdict, from_m: f64, to_m: f64) -> ChangeRecord {
         hit: 0,
         first_ns: 0,
         last_ns: 1,
+        changed_after_ns: None,
+        changed_before_ns: None,
         shift_m: None,
         shift_sigma_m: None,
         class_observed: None,
