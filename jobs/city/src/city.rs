@@ -2,6 +2,7 @@
 
 use crate::ground::Ground;
 use crate::noise::NoiseProfile;
+use crate::reach::Reach;
 use crate::render::Renderer;
 use crate::spec::CitySpec;
 use crate::world::World;
@@ -11,6 +12,7 @@ pub(crate) struct City<'a> {
     pub(crate) spec: &'a CitySpec,
     pub(crate) world: &'a World,
     pub(crate) ground: Ground<'a>,
+    pub(crate) reach: Reach,
     pub(crate) noise: NoiseProfile,
     /// Takes pictures, where logs hold them.
     pub(crate) renderer: Option<Renderer<'a>>,

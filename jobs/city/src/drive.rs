@@ -1,89 +1,36 @@
-//! One drive: its motion, what its sensors say of it, and the log they end in.
+//! One drive: the legs that it has, and the log they end in.
 //!
-//! Every sensor has a rate, a phase and a latency of its own: stamps do not fall together, and the
-//! log is in the order in which messages were recorded.
+//! Where the map ends before the drive does, the vehicle parks, and comes in again where it likes:
+//! the drive goes on with another leg, some minutes later. A log holds them all.
+
+mod leg;
 
 use std::io::{Seek, Write};
 
 use tilefold_formats::log_write::{Dialect, Entry, LogWriteError, LogWriter};
-use tilefold_schemas::log::{
-    DetectionFrame, DetectionSpace, FramePose, GnssFix, Imu, Payload, Quaternion,
-};
-use tilefold_tiler::geodesy::LocalFrame;
 
 use crate::city::City;
-use crate::course::{Course, Motion};
-use crate::detector::{Detector, Lots};
+use crate::course::Course;
 use crate::error::CityError;
-use crate::inertial::Inertial;
-use crate::mounting::clock_offset_s;
-use crate::noise::Noise;
-use crate::pictures::{CAMERA_FRAME, Mounted, Pictures};
 use crate::random::Random;
-use crate::receiver::Receiver;
-use crate::route;
-use crate::spec::LogProfile;
-use crate::traffic::Traffic;
+use crate::route::{Routes, STEP_M};
+use leg::{Content, Leg};
 
 /// Topic of the detections.
 pub(crate) const DETECTIONS_TOPIC: &str = "/perception/lanes";
-/// Pictures per second, and how many there are for each message about the camera.
-const PICTURES_HZ: f64 = 5.0;
-const CALIBRATION_EVERY: usize = 5;
-/// Shorter routes are no drive, in steps.
+/// Shorter routes are no leg, in steps.
 const LEAST_STEPS: usize = 10;
+/// Between two legs: how long the vehicle parks, in seconds, and how fast it comes to the next one's
+/// begin, in metres per second along the beeline.
+const PARKED_S: (f64, f64) = (120.0, 300.0);
+const UNSEEN_M_S: f64 = 10.0;
 const MS: i64 = 1_000_000;
 const DAY_NS: i64 = 86_400_000 * MS;
-
-/// When a sensor speaks, in nanoseconds: from its phase on, every period, recorded after its
-/// latency.
-#[derive(Clone, Copy)]
-struct Clock {
-    phase_ns: i64,
-    period_ns: i64,
-    latency_ns: i64,
-}
-
-impl Clock {
-    const GNSS_PHASE_NS: i64 = 35 * MS;
-    const HEADING_PHASE_NS: i64 = 10 * MS;
-    const CAMERA_PHASE_NS: i64 = 500 * MS;
-
-    fn new(rate_hz: f64, phase_ns: i64, latency_ns: i64) -> Self {
-        Self {
-            phase_ns,
-            period_ns: ((1e9 / rate_hz) as i64).max(MS),
-            latency_ns,
-        }
-    }
-
-    fn period_s(self) -> f64 {
-        self.period_ns as f64 * 1e-9
-    }
-}
 
 /// Which drive of a city.
 pub(crate) struct Drive<'a> {
     pub(crate) city: &'a City<'a>,
     pub(crate) index: u32,
-}
-
-/// A message before it is written.
-struct Record {
-    topic: &'static str,
-    frame_id: &'static str,
-    stamp_ns: i64,
-    log_time_ns: i64,
-    content: Content,
-}
-
-/// What a message holds.
-enum Content {
-    Said(Payload),
-    /// A picture, taken when its turn comes: a drive's pictures do not fit into memory.
-    Picture {
-        seconds: f64,
-    },
 }
 
 /// A drive that was written.
@@ -120,10 +67,14 @@ impl Drive<'_> {
         let site = [("site", site.as_str())];
         let mut log = LogWriter::create(sink, dialect, &vehicle, site).map_err(&at)?;
         let (mut matches, mut frames) = (Vec::new(), String::new());
-        if let Some(course) = self.course() {
-            let under_way = UnderWay::new(self, &course);
-            let mut pictures = under_way.pictures();
-            for record in under_way.records(dialect, &mut matches) {
+        let courses = self.courses();
+        let start_ns = self.start_ns(courses.last().map_or(0.0, |(end_s, _)| *end_s));
+        for (number, (end_s, course)) in courses.iter().enumerate() {
+            let begin_s = end_s - course.seconds();
+            let leg_ns = start_ns + (begin_s * 1e3) as i64 * MS;
+            let leg = Leg::new(self, number, course, leg_ns);
+            let mut pictures = leg.pictures();
+            for record in leg.records(dialect, &mut matches) {
                 let payload = match (record.content, &mut pictures) {
                     (Content::Said(payload), _) => payload,
                     (Content::Picture { .. }, None) => continue,
@@ -165,256 +116,61 @@ impl Drive<'_> {
         Random::new(self.city.spec.seed, name, self.index)
     }
 
-    /// A vehicle's drives divide the campaign among them, so that it never drives twice at once.
-    fn start_ns(&self, seconds: f64) -> i64 {
+    /// A vehicle's drives divide the campaign among them, so that it never drives twice at once:
+    /// what each has of it.
+    fn span_ns(&self) -> i64 {
         let spec = self.city.spec;
         let rounds = spec.drives.div_ceil(spec.vehicles).max(1);
-        let span_ns = i64::from(spec.days) * DAY_NS / i64::from(rounds);
-        let first_ns = self.city.begin_ns + i64::from(self.index / spec.vehicles) * span_ns;
+        i64::from(spec.days) * DAY_NS / i64::from(rounds)
+    }
+
+    fn start_ns(&self, seconds: f64) -> i64 {
+        let span_ns = self.span_ns();
+        let round = i64::from(self.index / self.city.spec.vehicles);
         let spare_ns = (span_ns - (seconds * 1e9) as i64).max(0);
-        first_ns + (self.random("start").unit() * spare_ns as f64) as i64 / MS * MS
+        let wait_ns = (self.random("start").unit() * spare_ns as f64) as i64;
+        self.city.begin_ns + round * span_ns + wait_ns / MS * MS
     }
 
-    /// The drive's motion; none where there is no road to drive on.
-    fn course(&self) -> Option<Course> {
-        let length_m = self.city.spec.drive_km * 1_000.0;
-        let steps = route::draw(self.city.world, length_m, &mut self.random("route"));
-        let is_drive = steps.len() >= LEAST_STEPS;
-        is_drive.then(|| Course::draw(steps, &mut self.random("course")))
-    }
-}
-
-/// A drive whose motion is drawn.
-struct UnderWay<'a> {
-    drive: &'a Drive<'a>,
-    noise: &'a Noise,
-    course: &'a Course,
-    traffic: Traffic,
-    mounted: Mounted,
-    start_ns: i64,
-}
-
-impl<'a> UnderWay<'a> {
-    fn new(drive: &'a Drive<'a>, course: &'a Course) -> Self {
-        let noise = drive.city.noise.of(drive.vehicle());
-        let seed = drive.city.spec.seed;
-        Self {
-            drive,
-            noise,
-            course,
-            traffic: Traffic::draw(&noise.detector.traffic, &mut drive.random("traffic")),
-            mounted: Mounted::draw(noise, &mut Random::new(seed, "camera", drive.vehicle())),
-            start_ns: drive.start_ns(course.seconds()),
-        }
-    }
-
-    /// All messages in the order in which they were recorded.
-    fn records(&self, dialect: Dialect, matches: &mut Vec<Match>) -> Vec<Record> {
-        let mut records = self.fixes();
-        records.extend(self.headings(dialect));
-        match self.drive.city.spec.profile {
-            LogProfile::Detections => records.extend(self.frames(matches)),
-            LogProfile::Camera => records.extend(self.camera()),
-        }
-        records.sort_by_key(|record| (record.log_time_ns, record.topic));
-        records
-    }
-
-    /// The camera at work, if logs hold pictures.
-    fn pictures(&self) -> Option<Pictures<'_>> {
-        let renderer = self.drive.city.renderer.as_ref()?;
-        let lots = (self.drive.random("conditions"), self.drive.random("body"));
-        let seed = self.drive.city.spec.seed ^ u64::from(self.drive.index) << 32;
-        let way = (self.course, &self.traffic);
-        Some(Pictures::new(
-            renderer,
-            way,
-            (&self.mounted, self.noise),
-            lots,
-            seed,
-        ))
-    }
-
-    /// Pictures to be taken, and what is said of the camera.
-    fn camera(&self) -> Vec<Record> {
-        let clock = Clock::new(PICTURES_HZ, Clock::CAMERA_PHASE_NS, 45 * MS);
-        let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
-        let mut records = Vec::new();
-        for (index, (stamp_ns, seconds)) in self.ticks(clock).enumerate() {
-            if index == 0 {
-                let transform = self.mounted.transform();
-                records.push(record(
-                    "/tf_static",
-                    CAMERA_FRAME,
-                    stamp_ns,
-                    clock,
-                    transform,
-                ));
+    /// The motion of each leg, with the second of the drive at which it ends; none where there is no
+    /// road to drive on.
+    fn courses(&self) -> Vec<(f64, Course)> {
+        let city = self.city;
+        let (mut lots, mut parking) = (self.random("route"), self.random("parking"));
+        let mut routes = Routes::new(city.world, &city.reach);
+        let mut courses: Vec<(f64, Course)> = Vec::new();
+        let mut left_m = city.spec.drive_km * 1_000.0;
+        while left_m > LEAST_STEPS as f64 * STEP_M {
+            let steps = routes.draw(left_m, &mut lots);
+            left_m -= steps.len().max(1) as f64 * STEP_M;
+            if steps.len() < LEAST_STEPS {
+                continue;
             }
-            if index % CALIBRATION_EVERY == 0 {
-                let said = self.mounted.calibration();
-                records.push(record(
-                    "/camera/camera_info",
-                    CAMERA_FRAME,
-                    stamp_ns,
-                    clock,
-                    said,
-                ));
+            let course = Course::draw(steps, &mut self.random(&stream("course", courses.len())));
+            let parked_s = parking.between(PARKED_S.0, PARKED_S.1);
+            let begin_s = courses.last().map_or(0.0, |(end_s, last)| {
+                end_s + parked_s + beeline_m(last, &course) / UNSEEN_M_S
+            });
+            let end_s = begin_s + course.seconds();
+            if !courses.is_empty() && end_s * 1e9 > self.span_ns() as f64 {
+                break;
             }
-            records.push(Record {
-                topic: "/camera/image/compressed",
-                frame_id: CAMERA_FRAME,
-                stamp_ns,
-                log_time_ns: stamp_ns + clock.latency_ns,
-                content: Content::Picture {
-                    seconds: seconds - late_s,
-                },
-            });
+            courses.push((end_s, course));
         }
-        records
-    }
-
-    /// Stamps of a sensor with the seconds since the drive's begin.
-    fn ticks(&self, clock: Clock) -> impl Iterator<Item = (i64, f64)> + use<> {
-        let start_ns = self.start_ns;
-        // Positions go on behind the last frame, as they begin before the first.
-        let end_ns = (self.course.seconds() * 1e9) as i64 - clock.phase_ns;
-        (0..)
-            .map(move |tick| clock.phase_ns + tick * clock.period_ns)
-            .take_while(move |since_ns| *since_ns < end_ns)
-            .map(move |since_ns| (start_ns + since_ns, since_ns as f64 * 1e-9))
-    }
-
-    fn fixes(&self) -> Vec<Record> {
-        let clock = Clock::new(self.noise.gnss.rate_hz, Clock::GNSS_PHASE_NS, 60 * MS);
-        let mut receiver = Receiver::draw(&self.noise.gnss, self.drive.random("position"));
-        let city = self.drive.city;
-        let mut last = None;
-        self.ticks(clock)
-            .map(|(stamp_ns, seconds)| {
-                let here = self.course.motion(seconds).place;
-                let closeness = city.ground.closeness([here.east_m, here.north_m]);
-                let error = receiver.next_fix(clock.period_s(), closeness);
-                let motion = self.course.motion(seconds - error.delay_s);
-                let [east_m, north_m, up_m] = error.error_m;
-                let [longitude_deg, latitude_deg, altitude_m] = city.world.on_earth([
-                    motion.place.east_m + east_m,
-                    motion.place.north_m + north_m,
-                    motion.up_m + up_m,
-                ]);
-                let fix = Payload::Gnss(GnssFix {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_m,
-                    covariance_enu_m2: Some(receiver.claimed_covariance_m2()),
-                    has_fix: error.has_fix,
-                });
-                let payload = last.take().filter(|_| error.is_repeated).unwrap_or(fix);
-                last = Some(payload.clone());
-                record("/gnss/fix", "base_link", stamp_ns, clock, payload)
-            })
-            .collect()
-    }
-
-    fn headings(&self, dialect: Dialect) -> Vec<Record> {
-        let clock = Clock::new(self.noise.imu.rate_hz, Clock::HEADING_PHASE_NS, 3 * MS);
-        let mut inertial = Inertial::draw(&self.noise.imu, self.drive.random("heading"));
-        let yaw_variance_rad2 = self.noise.imu.claimed_yaw_deg.to_radians().powi(2);
-        self.ticks(clock)
-            .map(|(stamp_ns, seconds)| {
-                let motion = self.course.motion(seconds);
-                let yaw_rad = self.true_yaw_rad(&motion) + inertial.yaw_error_rad(clock.period_s());
-                let rate_rad_s = motion.yaw_rate_rad_s + inertial.yaw_rate_error_rad_s();
-                let orientation = about_up(yaw_rad);
-                let (topic, frame_id, payload) = match dialect {
-                    Dialect::Ros2 => {
-                        let imu = imu(orientation, yaw_variance_rad2, rate_rad_s);
-                        ("/imu", "base_link", imu)
-                    }
-                    Dialect::Foxglove => ("/heading", "enu", pose(orientation)),
-                };
-                record(topic, frame_id, stamp_ns, clock, payload)
-            })
-            .collect()
-    }
-
-    fn frames(&self, matches: &mut Vec<Match>) -> Vec<Record> {
-        let rate_hz = self.noise.detector.view.rate_hz;
-        let clock = Clock::new(rate_hz, Clock::CAMERA_PHASE_NS, 45 * MS);
-        let Drive { city, .. } = self.drive;
-        let lots = Lots {
-            drive: &|name| self.drive.random(name),
-            vehicle: Random::new(city.spec.seed, "mounting", self.drive.vehicle()),
-        };
-        let mut detector = Detector::new(city, self.noise, self.course, lots);
-        let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
-        let mut frames = Vec::new();
-        for (stamp_ns, seconds) in self.ticks(clock) {
-            let motion = self.course.motion(seconds - late_s);
-            let around = self.traffic.at(self.course, seconds - late_s);
-            let seen = detector.look(&motion, &around, stamp_ns, clock.period_s());
-            matches.extend(seen.iter().enumerate().map(|(detection, seen)| Match {
-                stamp_ns,
-                detection,
-                element: seen.element,
-            }));
-            let payload = Payload::Detections(DetectionFrame {
-                space: DetectionSpace::Metres,
-                detections: seen.into_iter().map(|seen| seen.detection).collect(),
-            });
-            frames.push(record(
-                DETECTIONS_TOPIC,
-                "base_link",
-                stamp_ns,
-                clock,
-                payload,
-            ));
-        }
-        frames
-    }
-
-    /// A yaw of the city's plane as one against true north where the vehicle is.
-    fn true_yaw_rad(&self, motion: &Motion) -> f64 {
-        let world = self.drive.city.world;
-        let place = &motion.place;
-        let here = LocalFrame::new(world.on_earth([place.east_m, place.north_m, 0.0]));
-        world.frame.yaw_in(&here, place.yaw_rad)
+        courses
     }
 }
 
-fn record(
-    topic: &'static str,
-    frame_id: &'static str,
-    stamp_ns: i64,
-    clock: Clock,
-    payload: Payload,
-) -> Record {
-    Record {
-        topic,
-        frame_id,
-        stamp_ns,
-        log_time_ns: stamp_ns + clock.latency_ns,
-        content: Content::Said(payload),
+/// A leg's own stream of lots.
+fn stream(name: &str, leg: usize) -> String {
+    match leg {
+        0 => name.to_owned(),
+        _ => format!("{name}, leg {leg}"),
     }
 }
 
-fn imu(orientation: Quaternion, yaw_variance_rad2: f64, yaw_rate_rad_s: f64) -> Payload {
-    Payload::Imu(Imu {
-        orientation: Some(orientation),
-        yaw_variance_rad2: Some(yaw_variance_rad2),
-        angular_velocity_rad_s: Some([0.0, 0.0, yaw_rate_rad_s]),
-    })
-}
-
-fn pose(orientation: Quaternion) -> Payload {
-    Payload::Pose(FramePose {
-        position_m: [0.0; 3],
-        orientation,
-    })
-}
-
-/// A turn to the left about the up axis.
-fn about_up(yaw_rad: f64) -> Quaternion {
-    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
-    [0.0, 0.0, sin, cos]
+/// From one leg's end to another's begin.
+fn beeline_m(from: &Course, to: &Course) -> f64 {
+    let (from, to) = (from.point(from.length_m()), to.point(0.0));
+    (to[0] - from[0]).hypot(to[1] - from[1])
 }

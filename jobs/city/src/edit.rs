@@ -15,10 +15,14 @@ use crate::random::Random;
 use crate::world::{Paint, Point, World};
 
 const DAY_NS: f64 = 86_400e9;
-/// Events lie this far apart at least, in metres.
-const APART_M: f64 = 90.0;
-/// Tries to find a place for an event before it is given up.
+/// Events lie this far apart at least, in metres; nearer where there is no other place.
+const APART_M: [f64; 3] = [90.0, 45.0, 20.0];
+/// Tries to find a place for an event, at each distance.
 const TRIES: usize = 200;
+/// Paint farther than this from every lane is seen by nobody: nothing happens to it. In metres.
+const SEEN_M: f64 = 8.0;
+/// What happens where something else has no place.
+const EASY: [Happening; 3] = [Happening::Added, Happening::Removed, Happening::Shifted];
 /// Changes from before the campaign happened within this many days of it.
 const DAYS_BEFORE: f64 = 60.0;
 /// A construction site comes and goes at these shares of the campaign.
@@ -176,22 +180,28 @@ pub(crate) struct History {
 pub(crate) fn draw(world: &mut World, seed: u64, share: f64, campaign: Campaign) -> History {
     let mut random = Random::new(seed, "changes", 0);
     let count = (share * world.paint.len() as f64).round();
-    let mut happenings = Vec::new();
-    for (happening, of_all) in SHARES {
-        let times = (count * of_all).round() as usize;
-        happenings.extend(std::iter::repeat_n(happening, times));
-    }
-    random.shuffle(&mut happenings);
+    let happenings = happenings(count, &mut random);
     let mut editing = Editing::new(world);
     for happening in happenings {
-        for _ in 0..TRIES {
-            let dates = dates(happening, campaign, &mut random);
-            if editing.try_to(happening, dates, &mut random).is_some() {
-                break;
-            }
+        if !editing.find_place(happening, campaign, &mut random) {
+            let easy = EASY[random.index(EASY.len())];
+            editing.find_place(easy, campaign, &mut random);
         }
     }
     editing.finish()
+}
+
+/// What happens `count` times, in any order. What is rounded off from one kind is added to the next,
+/// from a lot on: the sum is right, and no kind is always too rare to happen in a small world.
+fn happenings(count: f64, random: &mut Random) -> Vec<Happening> {
+    let mut happenings = Vec::new();
+    let mut due = random.unit();
+    for (happening, of_all) in SHARES {
+        due += count * of_all;
+        happenings.resize(due as usize, happening);
+    }
+    random.shuffle(&mut happenings);
+    happenings
 }
 
 /// From when until when something that happens lasts.
@@ -209,19 +219,23 @@ fn dates(happening: Happening, campaign: Campaign, random: &mut Random) -> (i64,
 struct Editing<'a> {
     world: &'a mut World,
     map: BTreeMap<i64, Paint>,
-    /// Places in the world's paint, by kind.
+    /// Places in the world's paint of what vehicles come by, by kind.
     kinds: BTreeMap<ElementKind, Vec<usize>>,
     changes: Vec<Change>,
-    /// Where something happened already.
+    /// Where something happened already, and how far from there the next may.
     taken: Vec<Point>,
+    apart_m: f64,
     next_id: i64,
 }
 
 impl<'a> Editing<'a> {
     fn new(world: &'a mut World) -> Self {
         let mut kinds: BTreeMap<ElementKind, Vec<usize>> = BTreeMap::new();
-        for (index, paint) in world.paint.iter().enumerate() {
-            kinds.entry(paint.kind).or_default().push(index);
+        for index in beside::driven_past(world, SEEN_M) {
+            kinds
+                .entry(world.paint[index].kind)
+                .or_default()
+                .push(index);
         }
         let map: BTreeMap<i64, Paint> = world
             .paint
@@ -235,6 +249,7 @@ impl<'a> Editing<'a> {
             kinds,
             changes: Vec::new(),
             taken: Vec::new(),
+            apart_m: APART_M[0],
             next_id: largest + 1,
         }
     }
@@ -249,6 +264,17 @@ impl<'a> Editing<'a> {
             map: self.map.into_values().collect(),
             changes,
         }
+    }
+
+    /// Lets something happen somewhere; says whether there was a place for it.
+    fn find_place(&mut self, what: Happening, campaign: Campaign, random: &mut Random) -> bool {
+        APART_M.iter().any(|&apart_m| {
+            self.apart_m = apart_m;
+            (0..TRIES).any(|_| {
+                let dates = dates(what, campaign, random);
+                self.try_to(what, dates, random).is_some()
+            })
+        })
     }
 
     /// Lets something happen at a place drawn by lot; none if it cannot be there.
@@ -289,7 +315,7 @@ impl<'a> Editing<'a> {
     }
 
     fn is_free(&self, at: Point) -> bool {
-        let far = |taken: &Point| (taken[0] - at[0]).hypot(taken[1] - at[1]) > APART_M;
+        let far = |taken: &Point| (taken[0] - at[0]).hypot(taken[1] - at[1]) > self.apart_m;
         self.taken.iter().all(far)
     }
 

@@ -1,6 +1,6 @@
-//! Which paint and how many buildings are near a place: a grid over the city.
+//! Which paint and lanes and how many buildings are near a place: a grid over the city.
 
-use crate::world::{Paint, Point, World};
+use crate::world::{Lane, Paint, Point, World};
 
 /// The side of a cell, in metres.
 const CELL_M: f64 = 25.0;
@@ -16,6 +16,7 @@ pub(crate) struct Ground<'a> {
     world: &'a World,
     paint: Grid,
     buildings: Grid,
+    lanes: Grid,
 }
 
 impl<'a> Ground<'a> {
@@ -24,6 +25,7 @@ impl<'a> Ground<'a> {
             world,
             paint: Grid::new(world.paint.iter().map(|paint| paint.points.as_slice())),
             buildings: Grid::new(world.buildings.iter().map(|b| std::slice::from_ref(&b.at))),
+            lanes: Grid::new(world.lanes.iter().map(|lane| lane.centre.as_slice())),
         }
     }
 
@@ -37,6 +39,13 @@ impl<'a> Ground<'a> {
         let left_traces =
             |paint: &Paint| paint.until_ns <= time_ns && time_ns - paint.until_ns < TRACES_NS;
         self.paint_where(at, reach_m, left_traces)
+    }
+
+    /// Lanes that have a part within about `reach_m` of a place.
+    pub(crate) fn lanes_near(&self, at: [f64; 2], reach_m: f64) -> impl Iterator<Item = &'a Lane> {
+        let world = self.world;
+        let found = self.lanes.near(at, reach_m).into_iter();
+        found.map(|index| &world.lanes[index])
     }
 
     fn paint_where(

@@ -2,13 +2,14 @@
 //! vehicles that drove there.
 //!
 //! A `world` is drawn by seed (`network`) or taken from a map (`mapped`) -> `edit` lets things happen
-//! to its paint, with dates -> a drive takes a `route`, moves along it (`course`) amid `traffic`, and
-//! measures: `receiver` its position, `inertial` its heading, `detector` the paint -> `drive` puts
+//! to its paint, with dates -> a drive takes `route`s (`reach` says how far they lead), moves along them (`course`) amid `traffic`
+//! in the lanes `alongside`, and measures: `receiver` its position, `inertial` its heading, `detector` the paint -> `drive` puts
 //! that into a log. `write` joins them. How sensors err is read from parameter files (`noise`).
 //! [`render`] takes pictures of a [`World`].
 //!
 //! Frames: the city's plane, metres east and north of the anchor; heights are above the anchor's.
 
+mod alongside;
 mod city;
 mod course;
 mod curve;
@@ -25,6 +26,7 @@ mod network;
 pub mod noise;
 mod pictures;
 mod random;
+mod reach;
 mod receiver;
 mod relief;
 pub mod render;

@@ -124,11 +124,11 @@ fn lens(vehicle: &mut Random) -> Lens {
     }
 }
 
-/// The camera of one drive at work.
+/// The camera of one leg at work.
 pub(crate) struct Pictures<'a> {
     renderer: &'a Renderer<'a>,
     course: &'a Course,
-    traffic: &'a Traffic,
+    traffic: &'a Traffic<'a>,
     mounted: &'a Mounted,
     body: Body,
     category: Category,
@@ -139,7 +139,7 @@ pub(crate) struct Pictures<'a> {
 impl<'a> Pictures<'a> {
     pub(crate) fn new(
         renderer: &'a Renderer<'a>,
-        (course, traffic): (&'a Course, &'a Traffic),
+        (course, traffic): (&'a Course, &'a Traffic<'a>),
         (mounted, noise): (&'a Mounted, &Noise),
         (mut conditions, body): (Random, Random),
         seed: u64,
@@ -156,7 +156,7 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    /// The picture whose first row is exposed `seconds` after the drive's begin, and what is in it.
+    /// The picture whose first row is exposed `seconds` after the leg's begin, and what is in it.
     ///
     /// # Errors
     /// If it cannot be written as JPEG.
@@ -171,7 +171,7 @@ impl<'a> Pictures<'a> {
         let conditions = Conditions::draw(self.category, motion.place.yaw_rad, self.seed);
         let camera = &self.mounted.true_camera;
         let end_s = seconds + conditions.exposure_s + camera.readout_s;
-        let around = self.traffic.at(self.course, seconds);
+        let around = self.traffic.at(seconds);
         let traffic: Vec<TrafficVehicle> = around
             .iter()
             .map(|vehicle| drawn(vehicle, motion.speed_m_s))

@@ -16,6 +16,7 @@ use crate::error::CityError;
 use crate::ground::Ground;
 use crate::network;
 use crate::noise::NoiseProfile;
+use crate::reach::Reach;
 use crate::render::Renderer;
 use crate::spec::{CitySpec, LogProfile, Site};
 use crate::truth;
@@ -74,6 +75,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         spec,
         world: &world,
         ground: Ground::new(&world),
+        reach: Reach::new(&world),
         noise,
         renderer: (spec.profile == LogProfile::Camera).then(|| Renderer::new(&world)),
         begin_ns: campaign.begin_ns,

@@ -535,6 +535,56 @@ fn real_maps_are_changed_and_driven_through() {
     }
 }
 
+/// Metres driven according to the fixes of a log, and pauses of a minute and more.
+fn driven(log: &Path) -> (f64, usize) {
+    let index = LogIndex::open(log).unwrap();
+    let (mut driven_m, mut pauses, mut last) = (0.0, 0, None);
+    let add = |message: LogMessage| {
+        let Payload::Gnss(fix) = message.payload else {
+            return;
+        };
+        let at = [fix.longitude_deg, fix.latitude_deg, 0.0];
+        match last.replace((message.stamp_ns, at)) {
+            Some((before_ns, _)) if message.stamp_ns - before_ns > 60_000_000_000 => pauses += 1,
+            Some((_, before)) => {
+                let [east_m, north_m, _] = LocalFrame::new(before).to_enu(at);
+                driven_m += east_m.hypot(north_m);
+            }
+            None => {}
+        }
+    };
+    LogReader::new()
+        .read(&index, |_, _| true, ALL_TIME, add)
+        .unwrap();
+    (driven_m, pauses)
+}
+
+/// The drawn map's longest route has 146 m: a drive of a kilometre has seven legs at least.
+#[test]
+fn a_drive_goes_on_where_the_map_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = folder.path().join("map.osm");
+    let relations = [
+        relation(7, 2, 1, ""),
+        relation(8, 3, 2, ""),
+        relation(9, 5, 4, ""),
+    ];
+    std::fs::write(&map, format!("<osm>{DRAWN}{}</osm>", relations.concat())).unwrap();
+    let spec = CitySpec {
+        site: Site::Mapped { map },
+        noise: "good_gnss".to_owned(),
+        vehicles: 2,
+        drives: 4,
+        drive_km: 1.0,
+        ..CitySpec::default()
+    };
+    for log in write(&spec, folder.path()).unwrap().logs {
+        let (driven_m, pauses) = driven(&log);
+        assert!((900.0..1_200.0).contains(&driven_m), "{driven_m} m");
+        assert!(pauses >= 6, "{pauses} pauses");
+    }
+}
+
 fn detections(log: &Path) -> usize {
     let index = LogIndex::open(log).unwrap();
     let mut count = 0;

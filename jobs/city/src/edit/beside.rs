@@ -4,8 +4,9 @@ use tilefold_schemas::element::{Color, ElementKind, Marking};
 
 use super::alter::{length_m, shifted};
 use super::{Editing, Happening};
+use crate::ground::Ground;
 use crate::random::Random;
-use crate::world::{Lane, Paint, Point};
+use crate::world::{Lane, Paint, Point, World};
 
 /// A line is a lane's border if its middle lies this near to where the border should be, in metres.
 const BORDER_M: f64 = 0.7;
@@ -66,7 +67,8 @@ impl Editing<'_> {
             let paint = &self.world.paint[index];
             paint.until_ns == i64::MAX
                 && paint.since_ns == i64::MIN
-                && passes(&paint.points, at)
+                && (paint.points[0][0] - at[0]).hypot(paint.points[0][1] - at[1]) < LONGEST_M
+                && passes(&paint.points, at, BORDER_M)
                 && length_m(&paint.points) >= LEAST_M
         })
     }
@@ -128,17 +130,27 @@ impl Editing<'_> {
     }
 }
 
-/// Whether a line passes a point.
-fn passes(points: &[Point], at: Point) -> bool {
-    if (points[0][0] - at[0]).hypot(points[0][1] - at[1]) > LONGEST_M {
-        return false;
-    }
+/// Paint of which a lane's middle passes the middle, by index.
+pub(super) fn driven_past(world: &World, within_m: f64) -> Vec<usize> {
+    let ground = Ground::new(world);
+    let is_seen = |paint: &Paint| {
+        let at = paint.points[paint.points.len() / 2];
+        let mut lanes = ground.lanes_near([at[0], at[1]], within_m);
+        lanes.any(|lane| passes(&lane.centre, at, within_m))
+    };
+    let paint = world.paint.iter().enumerate();
+    let seen = paint.filter(|(_, paint)| is_seen(paint));
+    seen.map(|(index, _)| index).collect()
+}
+
+/// Whether a line passes a point, at so many metres at most.
+fn passes(points: &[Point], at: Point, within_m: f64) -> bool {
     points.windows(2).any(|pair| {
         let (east, north) = (pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
         let (to_e, to_n) = (at[0] - pair[0][0], at[1] - pair[0][1]);
         let square = (east * east + north * north).max(1e-9);
         let share = ((to_e * east + to_n * north) / square).clamp(0.0, 1.0);
-        (to_e - share * east).hypot(to_n - share * north) < BORDER_M
+        (to_e - share * east).hypot(to_n - share * north) < within_m
     })
 }
 

@@ -48,6 +48,39 @@ fn everything_happens_about_as_often_as_it_should() {
     }
 }
 
+#[test]
+fn what_is_rounded_off_is_made_up_for() {
+    let mut often: BTreeMap<Happening, u32> = BTreeMap::new();
+    for seed in 0..2_000 {
+        let happenings = happenings(7.0, &mut Random::new(seed, "test", 0));
+        assert_eq!(happenings.len(), 7);
+        for happening in happenings {
+            *often.entry(happening).or_default() += 1;
+        }
+    }
+    for (happening, share) in SHARES {
+        let found = f64::from(often[&happening]) / 14_000.0;
+        assert!((found - share).abs() < 0.01, "{happening:?}: {found}");
+    }
+}
+
+#[test]
+fn nothing_happens_where_nobody_drives() {
+    let mut world = network::draw(6, 2.0, [10.0, 50.0, 300.0]);
+    // All lanes end at the line between east and west.
+    for lane in &mut world.lanes {
+        lane.centre
+            .iter_mut()
+            .for_each(|point| point[0] = point[0].max(0.0));
+    }
+    let history = draw(&mut world, 6, 0.1, campaign(0.0));
+    assert!(history.changes.len() > 5);
+    for change in &history.changes {
+        let middle = change.paint.points[change.paint.points.len() / 2];
+        assert!(middle[0] > -SEEN_M - 2.0, "{change:?}");
+    }
+}
+
 /// The map and the road at the end differ just where the changes say.
 #[test]
 fn the_changes_are_the_difference() {
