@@ -12,11 +12,13 @@ use crate::frames::FrameTree;
 use crate::local_map::{LocalMap, Near};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
+use crate::mounting::{self, Mounting};
 use crate::pose::{PoseError, Trajectory};
 use crate::profile::{Profile, profiles};
 use crate::register::{Glance, Registration, register};
 use crate::scale;
 use crate::sight::Sightings;
+use crate::surface::Heights;
 use crate::testify::{Frame, Ledger};
 use crate::visibility::Zone;
 
@@ -43,6 +45,8 @@ pub struct Evidence {
     pub footprints: Vec<Footprint>,
     /// Frames of the chunk's own window.
     pub frames: u64,
+    /// What was found out about the camera's mounting, if detections are in pixels.
+    pub mounting: Option<Mounting>,
     /// What was not used. The file is left empty: the map stage does not know files.
     pub set_aside: Vec<SetAside>,
 }
@@ -78,13 +82,20 @@ pub fn map_chunk_traced(
     let trajectory = Trajectory::estimate(recording, &local_frame, &tree)?;
     let SeenFrames {
         frames,
-        without_camera_ns,
+        pixels,
+        without_place_ns,
+        no_place,
     } = SeenFrames::collect(recording, &tree);
     let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
     let clock = clock::estimate(&frames, &trajectory, &map);
     let (mut looks, without_pose_ns) = place(frames, &trajectory, clock.lag_ns);
     let mut evidence = Evidence {
-        set_aside: losses(chunk, clock.lag_ns, &without_pose_ns, &without_camera_ns),
+        set_aside: losses(
+            chunk,
+            clock.lag_ns,
+            &without_pose_ns,
+            (&without_place_ns, &no_place),
+        ),
         ..Evidence::default()
     };
     if looks.is_empty() {
@@ -92,14 +103,24 @@ pub fn map_chunk_traced(
     }
     let mut cross_cuts = cut(&looks, &map);
     let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.mapped)).collect();
+    let mut casting = None;
+    if let Some(pixels) = &pixels {
+        let stated = pixels.cast_on(Heights::of(&map, &local_frame).as_ref(), &looks);
+        let (refined, mounting) = mounting::refine(pixels, stated, &looks, &cross_cuts);
+        evidence.mounting = Some(mounting);
+        refined.cast(pixels, &mut looks);
+        cut_again(&mut cross_cuts, &looks);
+        casting = Some(refined);
+    }
     let mut registrations = lay_on_map(&looks, &cross_cuts, &mapped);
-    let factor = scale::estimate(&cross_cuts, &registrations);
+    let mut factor = 1.0;
+    // A camera's mounting is more than the scale to the sides.
+    if casting.is_none() {
+        factor = scale::estimate(&cross_cuts, &registrations);
+    }
     if factor != 1.0 {
         scale::stretch(&mut looks, factor);
-        // Only what was seen has moved: the map's cuts stand.
-        for (cross_cut, look) in cross_cuts.iter_mut().zip(&looks) {
-            cross_cut.seen = cut_seen(&look.lines);
-        }
+        cut_again(&mut cross_cuts, &looks);
         registrations = lay_on_map(&looks, &cross_cuts, &mapped);
     }
     for registration in &mut registrations {
@@ -111,7 +132,7 @@ pub fn map_chunk_traced(
     let mut sightings = Sightings::default();
     let mut footprints = Footprints::default();
     let ways_m = ways_m(&looks);
-    let seen_areas = areas::seen::collect(recording, &tree, factor);
+    let seen_areas = areas::seen::collect(recording, &tree, casting.as_ref(), factor);
     let mut glimpses: Vec<Glimpse<'_>> = Vec::with_capacity(looks.len());
     let (from_ns, to_ns) = chunk.bounds_ns();
     for (index, look) in looks.iter().enumerate() {
@@ -176,6 +197,13 @@ fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
         .collect()
 }
 
+/// Cuts anew what was seen; the map's cuts stand.
+fn cut_again(cross_cuts: &mut [CrossCut], looks: &[Look]) {
+    for (cross_cut, look) in cross_cuts.iter_mut().zip(looks) {
+        cross_cut.seen = cut_seen(&look.lines);
+    }
+}
+
 /// The error of the poses of all looks; `mapped` are the map lines of their cross-cuts.
 fn lay_on_map(
     looks: &[Look],
@@ -218,7 +246,7 @@ fn losses(
     chunk: &Chunk,
     lag_ns: i64,
     without_pose_ns: &[i64],
-    without_camera_ns: &[i64],
+    (without_place_ns, no_place): (&[i64], &str),
 ) -> Vec<SetAside> {
     let (from_ns, to_ns) = chunk.bounds_ns();
     let loss = |kind: SetAsideKind, stamps: &[i64], reason: String| {
@@ -241,9 +269,8 @@ fn losses(
         ),
         loss(
             SetAsideKind::Frame,
-            without_camera_ns,
-            "detections are in pixels, and the log has no usable camera calibration and mounting for them"
-                .to_owned(),
+            without_place_ns,
+            format!("detections cannot be brought into the vehicle frame: {no_place}"),
         ),
     ]
     .into_iter()
