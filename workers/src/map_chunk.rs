@@ -81,12 +81,16 @@ pub fn map_chunk_traced(
     let local_frame = Trajectory::anchor(recording)?;
     let trajectory = Trajectory::estimate(recording, &local_frame, &tree)?;
     let SeenFrames {
-        frames,
+        mut frames,
         pixels,
         without_place_ns,
         no_place,
     } = SeenFrames::collect(recording, &tree);
     let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
+    let heights = Heights::of(&map, &local_frame);
+    let refined = pixels.as_ref().map(|pixels| {
+        mounting::settle(pixels, &mut frames, &trajectory, &map, heights.as_ref())
+    });
     let clock = clock::estimate(&frames, &trajectory, &map);
     let (mut looks, without_pose_ns) = place(frames, &trajectory, clock.lag_ns);
     let mut evidence = Evidence {
@@ -96,22 +100,18 @@ pub fn map_chunk_traced(
             &without_pose_ns,
             (&without_place_ns, &no_place),
         ),
+        mounting: refined.as_ref().map(|(_, mounting)| *mounting),
         ..Evidence::default()
     };
     if looks.is_empty() {
         return Ok(evidence);
     }
+    let casting = refined.as_ref().map(|(casting, _)| casting);
+    if let (Some(casting), Some(pixels)) = (casting, &pixels) {
+        casting.cast(pixels, &mut looks);
+    }
     let mut cross_cuts = cut(&looks, &map);
     let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.mapped)).collect();
-    let mut casting = None;
-    if let Some(pixels) = &pixels {
-        let stated = pixels.cast_on(Heights::of(&map, &local_frame).as_ref(), &looks);
-        let (refined, mounting) = mounting::refine(pixels, stated, &looks, &cross_cuts);
-        evidence.mounting = Some(mounting);
-        refined.cast(pixels, &mut looks);
-        cut_again(&mut cross_cuts, &looks);
-        casting = Some(refined);
-    }
     let mut registrations = lay_on_map(&looks, &cross_cuts, &mapped);
     let mut factor = 1.0;
     // A camera's mounting is more than the scale to the sides.
@@ -120,7 +120,10 @@ pub fn map_chunk_traced(
     }
     if factor != 1.0 {
         scale::stretch(&mut looks, factor);
-        cut_again(&mut cross_cuts, &looks);
+        // Only what was seen has moved: the map's cuts stand.
+        for (cross_cut, look) in cross_cuts.iter_mut().zip(&looks) {
+            cross_cut.seen = cut_seen(&look.lines);
+        }
         registrations = lay_on_map(&looks, &cross_cuts, &mapped);
     }
     for registration in &mut registrations {
@@ -132,7 +135,7 @@ pub fn map_chunk_traced(
     let mut sightings = Sightings::default();
     let mut footprints = Footprints::default();
     let ways_m = ways_m(&looks);
-    let seen_areas = areas::seen::collect(recording, &tree, casting.as_ref(), factor);
+    let seen_areas = areas::seen::collect(recording, &tree, casting, factor);
     let mut glimpses: Vec<Glimpse<'_>> = Vec::with_capacity(looks.len());
     let (from_ns, to_ns) = chunk.bounds_ns();
     for (index, look) in looks.iter().enumerate() {
@@ -189,19 +192,12 @@ pub fn map_chunk_traced(
 }
 
 /// Lateral positions of all looks.
-fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
+pub(crate) fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
     let mut near = Near::default();
     looks
         .iter()
         .map(|look| CrossCut::new(look, map, &mut near))
         .collect()
-}
-
-/// Cuts anew what was seen; the map's cuts stand.
-fn cut_again(cross_cuts: &mut [CrossCut], looks: &[Look]) {
-    for (cross_cut, look) in cross_cuts.iter_mut().zip(looks) {
-        cross_cut.seen = cut_seen(&look.lines);
-    }
 }
 
 /// The error of the poses of all looks; `mapped` are the map lines of their cross-cuts.

@@ -11,17 +11,21 @@
 use nalgebra::{Isometry3, Matrix4, UnitQuaternion, Vector3, Vector4};
 
 use crate::camera::Camera;
+use crate::clock;
 use crate::cuts::{CrossCut, CutLine, cut_seen};
-use crate::look::Look;
+use crate::local_map::LocalMap;
+use crate::look::{Look, SeenFrame, place};
+use crate::map_chunk::cut;
 use crate::matching::match_lines;
 use crate::pixels::{Casting, Pixels};
-use crate::pose::median;
+use crate::pose::{Trajectory, median};
 use crate::profile::{Profile, profiles};
 use crate::register::{Glance, Registration, register};
+use crate::surface::{Heights, Surface};
 use crate::testify::MIN_CONFIDENCE;
 
 /// How far a stated mounting is usually off: roll, pitch and yaw in radians, height in metres.
-const PRIOR_SIGMA: [f64; 4] = [0.0087, 0.0087, 0.0087, 0.05];
+const PRIOR_SIGMA: [f64; 4] = [0.0087, 0.0087, 0.0087, 0.10];
 /// No mounting is farther off than this.
 const BOUNDS: [f64; 4] = [0.10, 0.14, 0.14, 0.6];
 /// Steps of the numerical derivatives.
@@ -43,6 +47,8 @@ const FRAME_NS: i64 = 250_000_000;
 const WITNESS_M: f64 = 10.0;
 /// A frame's place to the side is known to this by registration, in metres.
 const PLACE_SIGMA_M: f64 = 0.3;
+/// Turns of estimating lag and mounting; the second one mostly changes nothing any more.
+const MAX_TURNS: usize = 3;
 /// Fewer pairs of lines tell nothing.
 const MIN_PAIRS: usize = 40;
 
@@ -87,6 +93,35 @@ pub fn corrected(camera: &Camera, [roll, pitch, yaw, height_m]: [f64; 4]) -> Cam
     let mut corrected = camera.clone();
     corrected.vehicle_from_camera = Isometry3::from_parts(raised.into(), turned);
     corrected
+}
+
+/// Refines the mounting of the camera of a chunk, and casts `frames` anew with it onto flat ground.
+/// A mounting that is off hides the lag between the clocks, and a lag hides what the mounting is off:
+/// both are estimated by turns.
+#[must_use]
+pub fn settle(
+    pixels: &Pixels,
+    frames: &mut [SeenFrame],
+    trajectory: &Trajectory,
+    map: &LocalMap<'_>,
+    heights: Option<&Heights>,
+) -> (Casting, Mounting) {
+    let mut lag_ns = clock::estimate(frames, trajectory, map).lag_ns;
+    let mut turn = 1;
+    loop {
+        let (looks, _) = place(frames.to_vec(), trajectory, lag_ns);
+        let stated = pixels.cast_on(heights, &looks);
+        let (refined, mounting) = refine(pixels, stated, &looks, &cut(&looks, map));
+        for frame in frames.iter_mut() {
+            frame.lines = pixels.lines(frame.stamp_ns, &refined.camera, &Surface::FLAT);
+        }
+        let lag_before_ns = lag_ns;
+        lag_ns = clock::estimate(frames, trajectory, map).lag_ns;
+        if lag_ns == lag_before_ns || turn == MAX_TURNS {
+            return (refined, mounting);
+        }
+        turn += 1;
+    }
 }
 
 /// Refines the mounting of a camera over the looks of a chunk, whose map lines are those of
