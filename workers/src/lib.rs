@@ -16,6 +16,7 @@ pub mod cuts;
 mod drift;
 pub mod footprint;
 pub mod frames;
+pub mod hidden;
 pub mod lens;
 pub mod local_map;
 pub mod look;

@@ -9,6 +9,7 @@ use crate::clock;
 use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
+use crate::hidden::Traffic;
 use crate::local_map::{LocalMap, Near};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
@@ -131,6 +132,7 @@ pub fn map_chunk_traced(
     }
     let zone = Zone::learn(&looks);
 
+    let traffic = Traffic::new(recording, &tree, casting.map(|casting| &casting.camera));
     let mut ledger = Ledger::new(chunk.id, &map, &zone);
     let mut sightings = Sightings::default();
     let mut footprints = Footprints::default();
@@ -153,11 +155,13 @@ pub fn map_chunk_traced(
             continue;
         }
         let matches = match_lines(&cross_cuts[index], registrations[index].offset_m);
+        let hidden = traffic.at(look.pose.stamp_ns);
         let frame = Frame {
             look,
             cross_cut: &cross_cuts[index],
             registration: registrations[index],
             matches: &matches,
+            hidden: &hidden,
         };
         trace(&frame, &map);
         ledger.add(&frame);

@@ -1,6 +1,9 @@
 //! How well a map line could be seen in a frame (method.md, section 6).
 
+use tilefold_tiler::side::side_visibility;
+
 use crate::cuts::{Cut, CutLine, RANGES_M};
+use crate::hidden::Hidden;
 use crate::look::Look;
 
 /// Lateral noise of a line under the vehicle, in metres, and its growth to the side.
@@ -8,6 +11,38 @@ const NEAR_SIGMA_M: f64 = 0.08;
 const SIGMA_GROWTH: f64 = 0.04;
 /// A range belongs to the zone if it has at least this share of the sightings of the best range.
 const ZONE_SHARE: f64 = 0.5;
+
+/// The three parts of visibility, each in `[0, 1]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Visibility {
+    /// V_geo: share of the zone in which the channel sees lines that the line crosses.
+    pub geo: f64,
+    /// V_occ: what other vehicles leave of it.
+    pub occ: f64,
+    /// V_dist: how well lines so far to the side are seen.
+    pub dist: f64,
+}
+
+impl Visibility {
+    /// That of a map line, if the vehicle really was `offset_m` to the left of its pose.
+    #[must_use]
+    pub fn of(mapped: &CutLine, offset_m: f64, zone: &Zone, hidden: &Hidden) -> Self {
+        let points_m = zone
+            .cuts(mapped)
+            .map(|cut| [RANGES_M[cut.range], cut.lateral_m - offset_m, 0.0]);
+        Self {
+            geo: zone.share(mapped),
+            occ: hidden.open_share(points_m),
+            dist: side_visibility(mapped.lateral_m() - offset_m),
+        }
+    }
+
+    /// V of the calibrated model: a line that is fully hidden is not visible.
+    #[must_use]
+    pub fn product(&self) -> f64 {
+        self.geo * self.occ * self.dist
+    }
+}
 
 /// Ranges ahead at which a channel sees lines, learnt from what it saw around the chunk.
 #[derive(Debug, Clone, PartialEq)]
