@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, UnitQuaternion};
 use tilefold_formats::log::{LogIndex, LogReader};
 use tilefold_schemas::ElementKind;
 use tilefold_schemas::id::VehicleKey;
+use tilefold_schemas::log::{Detection, DetectionSpace};
 use tilefold_tiler::chunk::{self, Chunk};
 use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
@@ -25,6 +26,10 @@ use tilefold_workers::pose::{Pose, Trajectory};
 use tilefold_workers::{MapContext, map_chunk_traced};
 
 const TILE_LEVEL: u32 = 15;
+/// What was done to points.
+const STATED: &str = "as stated";
+const REGISTERED: &str = "registered and scaled to the side";
+const REFINED: &str = "registered with the mounting refined";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -38,7 +43,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         mount(&mut recording, [roll?, pitch?, yaw?], height.parse()?);
     }
     let elements = tilefold_formats::map::read(Path::new(map))?.elements;
-    let mapped = elements.into_iter().map(|element| MappedElement::new(element, TILE_LEVEL));
+    let mapped = elements
+        .into_iter()
+        .map(|element| MappedElement::new(element, TILE_LEVEL));
     let context = MapContext {
         map: MapIndex::new(mapped.collect::<Result<_, _>>()?),
         tile_level: TILE_LEVEL,
@@ -70,10 +77,33 @@ fn mount(recording: &mut Recording, [roll, pitch, yaw]: [f64; 3], height_m: f64)
     let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
     let ahead = UnitQuaternion::from_matrix(&axes);
     let turned = UnitQuaternion::from_euler_angles(roll, pitch, yaw) * ahead;
-    for transform in recording.static_transforms.iter_mut().flat_map(|entry| &mut entry.value) {
+    for transform in recording
+        .static_transforms
+        .iter_mut()
+        .flat_map(|entry| &mut entry.value)
+    {
         transform.translation_m[2] = height_m;
         transform.rotation = turned.coords.into();
     }
+}
+
+/// A chunk whose lines are in metres, by its stated mounting: what cannot be refined.
+fn in_metres(chunk: &Chunk) -> Chunk {
+    let mut metres = chunk.clone();
+    let tree = FrameTree::new(&chunk.recording.static_transforms);
+    let seen = SeenFrames::collect(&chunk.recording, &tree);
+    for (entry, frame) in metres.recording.detections.iter_mut().zip(&seen.frames) {
+        let markings = std::mem::take(&mut entry.value.detections);
+        let laid = frame.lines.iter().filter_map(|line| {
+            let points = line.points_m.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+            let marking = markings.get(line.detection)?.clone();
+            Some(Detection { points, ..marking })
+        });
+        entry.value.detections = laid.collect();
+        entry.value.space = DetectionSpace::Metres;
+        entry.frame_id.clear();
+    }
+    metres
 }
 
 /// Points of the drive and their distances from the map.
@@ -111,16 +141,17 @@ impl<'a> Measured<'a> {
         let (looks, _) = place(seen.frames, &trajectory, 0);
         let is_own = |look: &&Look| (from_ns..to_ns).contains(&look.pose.stamp_ns);
         for look in looks.iter().filter(is_own) {
-            self.add_look("stated", look, &own, 0.0);
+            self.add_look(STATED, look, &own, 0.0);
         }
-        let evidence = map_chunk_traced(chunk, self.context, |frame, _| {
-            self.add_look("refined", frame.look, &own, frame.registration.offset_m);
-            let stated = looks.iter().find(|look| look.pose.stamp_ns == frame.look.pose.stamp_ns);
-            if let Some(stated) = stated {
-                self.add_look("stated, registered as refined", stated, &own, frame.registration.offset_m);
+        let metres = in_metres(chunk);
+        for (how, chunk) in [(REGISTERED, &metres), (REFINED, chunk)] {
+            let evidence = map_chunk_traced(chunk, self.context, |frame, _| {
+                self.add_look(how, frame.look, &own, frame.registration.offset_m);
+            })?;
+            if let Some(mounting) = evidence.mounting {
+                println!("window {}: {mounting:.5?}", chunk.id.window);
             }
-        })?;
-        println!("window {}: {:?}", chunk.id.window, evidence.mounting);
+        }
         Ok(())
     }
 
@@ -138,7 +169,7 @@ impl<'a> Measured<'a> {
     }
 
     fn show(&self) {
-        for how in ["stated", "stated, registered as refined", "refined"] {
+        for how in [STATED, REGISTERED, REFINED] {
             let of = self.points.iter().filter(|(other, _, _)| *other == how);
             let mut distances: Vec<f64> = of.map(|(_, _, distance_m)| *distance_m).collect();
             distances.sort_by(f64::total_cmp);

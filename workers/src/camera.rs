@@ -114,8 +114,17 @@ impl Camera {
 
     /// A point of the vehicle frame in the camera frame, in metres.
     pub(crate) fn camera_from_vehicle(&self, point_m: [f64; 3]) -> Vector3<f64> {
-        let moved = self.vehicle_from_camera.inverse_transform_point(&Point3::from(point_m));
+        let moved = self
+            .vehicle_from_camera
+            .inverse_transform_point(&Point3::from(point_m));
         moved.coords
+    }
+
+    /// Whether a pixel lies in the image.
+    #[must_use]
+    pub fn shows(&self, pixel: [f64; 2]) -> bool {
+        let (low, high) = self.bounds_px();
+        (0..2).all(|axis| (low[axis]..=high[axis]).contains(&pixel[axis]))
     }
 
     /// First and last pixel coordinates of the image; without end where its size is not known.

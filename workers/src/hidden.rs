@@ -1,4 +1,5 @@
-//! What other vehicles hide from view: V_occ (method.md, section 6).
+//! What a frame cannot see of the road before it: what lies outside the image, and what other
+//! vehicles hide (V_occ; method.md, section 6).
 //!
 //! A box in metres hides a point of the road if the line of sight to it passes through the box; the
 //! outline of a vehicle in the image hides the pixels inside it.
@@ -18,13 +19,15 @@ const EYE_M: [f64; 3] = [1.5, 0.0, 1.4];
 /// Lines of sight are looked at in steps of this share.
 const SIGHT_STEPS: usize = 32;
 
-/// Other vehicles at the time of one frame.
+/// What hides the road from one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Hidden {
+pub struct Hidden<'a> {
+    /// Known of channels in pixels only.
+    camera: Option<&'a Camera>,
     eye_m: Vector3<f64>,
     boxes: Vec<Solid>,
-    /// Outlines in pixels, and the camera that they are of.
-    outlines: Option<(Camera, Vec<Vec<[f64; 2]>>)>,
+    /// Outlines in pixels of the camera.
+    outlines: Vec<Vec<[f64; 2]>>,
 }
 
 /// A box as a prism that stands upright in the vehicle frame.
@@ -57,8 +60,9 @@ impl<'a> Traffic<'a> {
 
     /// The vehicles around the frame of this stamp: of every source the nearest in time.
     #[must_use]
-    pub fn at(&self, stamp_ns: i64) -> Hidden {
+    pub fn at(&self, stamp_ns: i64) -> Hidden<'a> {
         let mut hidden = Hidden {
+            camera: self.camera,
             eye_m: self.camera.map_or(Vector3::from(EYE_M), |camera| {
                 camera.vehicle_from_camera.translation.vector
             }),
@@ -77,7 +81,7 @@ impl<'a> Traffic<'a> {
         hidden
     }
 
-    fn add(&self, frame: &Stamped<VehicleFrame>, hidden: &mut Hidden) {
+    fn add(&self, frame: &Stamped<VehicleFrame>, hidden: &mut Hidden<'_>) {
         match (frame.value.space, self.camera) {
             (DetectionSpace::Metres, _) => {
                 let Some(vehicle_from_frame) = self.tree.vehicle_from(&frame.frame_id) else {
@@ -88,15 +92,13 @@ impl<'a> Traffic<'a> {
                     boxes.filter_map(|corners| Solid::around(corners, &vehicle_from_frame)),
                 );
             }
-            (DetectionSpace::Pixels, Some(camera)) => {
-                let outlines = hidden
-                    .outlines
-                    .get_or_insert_with(|| (camera.clone(), Vec::new()));
-                let corners = frame.value.vehicles.iter().map(|corners| {
+            (DetectionSpace::Pixels, Some(_)) => {
+                let outlines = frame.value.vehicles.iter().map(|corners| {
                     let pixels = corners.iter().map(|&[u, v, _]| [u, v]);
                     hull(pixels.collect())
                 });
-                outlines.1.extend(corners.filter(|outline| outline.len() >= 3));
+                let outlines = outlines.filter(|outline| outline.len() >= 3);
+                hidden.outlines.extend(outlines);
             }
             // An outline in nobody's image hides nothing that is known.
             (DetectionSpace::Pixels, None) => {}
@@ -104,23 +106,35 @@ impl<'a> Traffic<'a> {
     }
 }
 
-impl Hidden {
+impl Hidden<'_> {
     /// Whether there is no other vehicle.
     #[must_use]
     pub fn is_nothing(&self) -> bool {
-        self.boxes.is_empty() && self.outlines.is_none()
+        self.boxes.is_empty() && self.outlines.is_empty()
+    }
+
+    /// Whether a point (vehicle frame, metres) lies in the camera's image, if the camera is known.
+    #[must_use]
+    pub fn is_in_image(&self, point_m: [f64; 3]) -> bool {
+        self.camera.is_none_or(|camera| {
+            let pixel = camera.pixel_from_vehicle(point_m);
+            pixel.is_some_and(|pixel| camera.shows(pixel))
+        })
     }
 
     /// Whether a point (vehicle frame, metres) is behind or under a vehicle.
     #[must_use]
     pub fn hides(&self, point_m: [f64; 3]) -> bool {
         let target = Vector3::from(point_m);
-        let in_outline = |(camera, outlines): &(Camera, Vec<Vec<[f64; 2]>>)| {
-            let pixel = camera.pixel_from_vehicle(point_m);
-            pixel.is_some_and(|pixel| outlines.iter().any(|outline| contains(outline, pixel)))
+        let is_in = |pixel: [f64; 2]| {
+            let mut outlines = self.outlines.iter();
+            outlines.any(|outline| contains(outline, pixel))
         };
-        self.boxes.iter().any(|solid| solid.is_between(self.eye_m, target))
-            || self.outlines.as_ref().is_some_and(in_outline)
+        let pixel = self
+            .camera
+            .and_then(|camera| camera.pixel_from_vehicle(point_m));
+        let mut boxes = self.boxes.iter();
+        boxes.any(|solid| solid.is_between(self.eye_m, target)) || pixel.is_some_and(is_in)
     }
 
     /// V_occ of a line through these points (vehicle frame, metres): the share of its longest run
@@ -142,7 +156,9 @@ impl Hidden {
 
 impl Solid {
     fn around(corners: &[[f64; 3]], vehicle_from_frame: &Isometry3<f64>) -> Option<Self> {
-        let corners = corners.iter().map(|corner| vehicle_from_frame * Point3::from(*corner));
+        let corners = corners
+            .iter()
+            .map(|corner| vehicle_from_frame * Point3::from(*corner));
         let corners: Vec<Point3<f64>> = corners.collect();
         let heights = corners.iter().map(|corner| corner.z);
         let footprint_m = hull(corners.iter().map(|corner| [corner.x, corner.y]).collect());
@@ -267,10 +283,17 @@ mod tests {
     #[test]
     fn vehicles_of_another_time_hide_nothing_nor_does_the_own_one() {
         let tree = FrameTree::default();
-        let late = recording(DetectionSpace::Metres, 200_000_000, car((10.0, 14.0), (-1.0, 1.0)));
+        let late = recording(
+            DetectionSpace::Metres,
+            200_000_000,
+            car((10.0, 14.0), (-1.0, 1.0)),
+        );
         assert!(Traffic::new(&late, &tree, None).at(0).is_nothing());
         let own = recording(DetectionSpace::Metres, 0, car((-1.0, 3.5), (-0.9, 0.9)));
-        assert_eq!(Traffic::new(&own, &tree, None).at(0).open_share(line(0.0)), 1.0);
+        assert_eq!(
+            Traffic::new(&own, &tree, None).at(0).open_share(line(0.0)),
+            1.0
+        );
         assert_eq!(Hidden::default().open_share(line(0.0)), 1.0);
     }
 

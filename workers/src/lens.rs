@@ -30,9 +30,7 @@ pub enum LensError {
     )]
     Model(String),
     /// Another number of coefficients than the model has.
-    #[error(
-        "the distortion model `{model}` has {got} coefficients; it takes {wanted}"
-    )]
+    #[error("the distortion model `{model}` has {got} coefficients; it takes {wanted}")]
     Coefficients {
         /// The model.
         model: String,
@@ -76,7 +74,12 @@ impl Lens {
             return Err(LensError::NotFinite { index });
         }
         let model = match name {
-            "plumb_bob" => Model::Polynomial(coefficients(name, d, &[0, 4, 5], "4 or 5, or none for an image without distortion")?),
+            "plumb_bob" => Model::Polynomial(coefficients(
+                name,
+                d,
+                &[0, 4, 5],
+                "4 or 5, or none for an image without distortion",
+            )?),
             "rational_polynomial" => Model::Polynomial(rational(name, d)?),
             "equidistant" | "fisheye" | "kannala_brandt" => {
                 Model::Fisheye(coefficients(name, d, &[4], "4")?)
@@ -228,10 +231,7 @@ fn limit(model: &Model) -> f64 {
     let Some(turn) = turn else {
         return most;
     };
-    let (mut low, mut high) = (
-        TURN_STEP * f64::from(turn - 1),
-        TURN_STEP * f64::from(turn),
-    );
+    let (mut low, mut high) = (TURN_STEP * f64::from(turn - 1), TURN_STEP * f64::from(turn));
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
         if grows(middle) {
@@ -312,16 +312,18 @@ mod tests {
         let ray = Vector3::new(0.6, -0.2, 2.0);
         for name in ["", "none", "plumb_bob", "rational_polynomial"] {
             let bent = Lens::new(name, &[]).unwrap().bend(ray).unwrap();
-            assert!((bent[0] - 0.3).abs() < 1e-15 && (bent[1] + 0.1).abs() < 1e-15, "{name}");
+            assert!(
+                (bent[0] - 0.3).abs() < 1e-15 && (bent[1] + 0.1).abs() < 1e-15,
+                "{name}"
+            );
         }
         assert!(Lens::new("none", &[0.0; 5]).is_ok());
     }
 
     #[test]
     fn wrong_numbers_of_coefficients_are_named() {
-        let message = |name: &str, count: usize| {
-            Lens::new(name, &vec![0.1; count]).unwrap_err().to_string()
-        };
+        let message =
+            |name: &str, count: usize| Lens::new(name, &vec![0.1; count]).unwrap_err().to_string();
         assert_eq!(
             message("plumb_bob", 3),
             "the distortion model `plumb_bob` has 3 coefficients; it takes 4 or 5, or none for an \
@@ -361,7 +363,10 @@ mod tests {
         let ray = |angle: f64| Vector3::new(0.0, angle.sin(), angle.cos());
         assert!(lens.bend(ray(turn - 1e-3)).is_some());
         assert_eq!(lens.bend(ray(turn + 1e-3)), None);
-        assert_eq!(lens.straighten([0.0, turn * (1.0 - 0.2 * turn * turn) + 1e-3]), None);
+        assert_eq!(
+            lens.straighten([0.0, turn * (1.0 - 0.2 * turn * turn) + 1e-3]),
+            None
+        );
         assert_eq!(lens.straighten([f64::NAN, 0.0]), None);
     }
 
@@ -376,13 +381,28 @@ mod tests {
     fn lenses() -> impl Strategy<Value = Lens> {
         let small = || -0.4..0.3_f64;
         prop_oneof![
-            [small(), -0.1..0.1, -0.003..0.003, -0.003..0.003, -0.05..0.05]
-                .prop_map(|d| Lens::new("plumb_bob", &d).unwrap()),
-            (small(), small(), small(), -0.002..0.002, -0.002..0.002).prop_map(|(a, b, c, p, q)| {
-                Lens::new("rational_polynomial", &[a, 0.1, p, q, 0.02, b, 0.1 * c, 0.01]).unwrap()
-            }),
-            [-0.1..0.1, -0.05..0.05, -0.02..0.02, -0.01..0.01_f64]
-                .prop_map(|d| Lens::new("kannala_brandt", &d).unwrap()),
+            [
+                small(),
+                -0.1..0.1,
+                -0.003..0.003,
+                -0.003..0.003,
+                -0.05..0.05
+            ]
+            .prop_map(|d| Lens::new("plumb_bob", &d).unwrap()),
+            (small(), small(), small(), -0.002..0.002, -0.002..0.002).prop_map(
+                |(a, b, c, p, q)| {
+                    Lens::new(
+                        "rational_polynomial",
+                        &[a, 0.1, p, q, 0.02, b, 0.1 * c, 0.01],
+                    )
+                    .unwrap()
+                }
+            ),
+            [-0.1..0.1, -0.05..0.05, -0.02..0.02, -0.01..0.01_f64].prop_map(|d| Lens::new(
+                "kannala_brandt",
+                &d
+            )
+            .unwrap()),
         ]
     }
 

@@ -125,7 +125,9 @@ impl SeenFrames {
                 None => return self.lose(stamp_ns, &NoPlace::Circle(frame.frame_id.clone())),
             },
             (DetectionSpace::Pixels, Ok(camera)) => {
-                let pixels = self.pixels.get_or_insert_with(|| Pixels::new(camera.clone()));
+                let pixels = self
+                    .pixels
+                    .get_or_insert_with(|| Pixels::new(camera.clone()));
                 pixels.add(frame);
                 pixels.lines(stamp_ns, camera, &Surface::FLAT)
             }

@@ -89,9 +89,9 @@ pub fn map_chunk_traced(
     } = SeenFrames::collect(recording, &tree);
     let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
     let heights = Heights::of(&map, &local_frame);
-    let refined = pixels.as_ref().map(|pixels| {
-        mounting::settle(pixels, &mut frames, &trajectory, &map, heights.as_ref())
-    });
+    let refined = pixels
+        .as_ref()
+        .map(|pixels| mounting::settle(pixels, &mut frames, &trajectory, &map, heights.as_ref()));
     let clock = clock::estimate(&frames, &trajectory, &map);
     let (mut looks, without_pose_ns) = place(frames, &trajectory, clock.lag_ns);
     let mut evidence = Evidence {

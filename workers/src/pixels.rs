@@ -105,7 +105,11 @@ impl Casting {
     /// range.
     #[must_use]
     pub fn road_from_pixel(&self, stamp_ns: i64, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        road(&self.camera, self.camera.ray(pixel)?, self.surface(stamp_ns))
+        road(
+            &self.camera,
+            self.camera.ray(pixel)?,
+            self.surface(stamp_ns),
+        )
     }
 
     /// The road around a look.

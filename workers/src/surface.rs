@@ -132,8 +132,7 @@ fn vehicle_from_local(pose: &Pose, [east_m, north_m]: [f64; 2]) -> [f64; 2] {
 fn along(line: &Polyline) -> impl Iterator<Item = GeomWithData<[f64; 2], f64>> + '_ {
     let steps = (line.length_m() / SAMPLE_M).ceil().max(1.0);
     (0..=steps as u32).map(move |step| {
-        let [east_m, north_m, height_m] =
-            line.at(line.length_m() * f64::from(step) / steps).point;
+        let [east_m, north_m, height_m] = line.at(line.length_m() * f64::from(step) / steps).point;
         GeomWithData::new([east_m, north_m], height_m)
     })
 }
@@ -202,12 +201,25 @@ mod tests {
     #[test]
     fn rays_that_miss_the_road_have_no_place() {
         let origin = Vector3::new(1.0, 0.0, 1.4);
-        assert_eq!(Surface::FLAT.meet(origin, Vector3::new(1.0, 0.0, 0.0)), None);
-        assert_eq!(Surface::FLAT.meet(origin, Vector3::new(1.0, 0.0, 0.1)), None);
+        assert_eq!(
+            Surface::FLAT.meet(origin, Vector3::new(1.0, 0.0, 0.0)),
+            None
+        );
+        assert_eq!(
+            Surface::FLAT.meet(origin, Vector3::new(1.0, 0.0, 0.1)),
+            None
+        );
         let crest = Surface { bend_per_m: -0.01 };
-        assert_eq!(crest.meet(origin, Vector3::new(1.0, 0.0, -0.01)), None, "over the crest");
+        assert_eq!(
+            crest.meet(origin, Vector3::new(1.0, 0.0, -0.01)),
+            None,
+            "over the crest"
+        );
         let rise = Surface { bend_per_m: 0.01 };
-        assert!(rise.meet(origin, Vector3::new(1.0, 0.0, 0.01)).is_some(), "against the rise");
+        assert!(
+            rise.meet(origin, Vector3::new(1.0, 0.0, 0.01)).is_some(),
+            "against the rise"
+        );
     }
 
     proptest! {

@@ -38,8 +38,8 @@ pub struct Frame<'a> {
     pub registration: Registration,
     /// Which seen line is which map line.
     pub matches: &'a Matches,
-    /// Other vehicles.
-    pub hidden: &'a Hidden,
+    /// What it could not see.
+    pub hidden: &'a Hidden<'a>,
 }
 
 impl Frame<'_> {

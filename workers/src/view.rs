@@ -84,10 +84,7 @@ fn before_the_camera([from, to]: [Vector3<f64>; 2]) -> Option<[Vector3<f64>; 2]>
 }
 
 /// The part of a segment in the box from `low` to `high` (Liang and Barsky, 1984).
-fn clip(
-    [from, to]: [[f64; 2]; 2],
-    (low, high): ([f64; 2], [f64; 2]),
-) -> Option<[[f64; 2]; 2]> {
+fn clip([from, to]: [[f64; 2]; 2], (low, high): ([f64; 2], [f64; 2])) -> Option<[[f64; 2]; 2]> {
     let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
         let along = to[axis] - from[axis];
@@ -150,14 +147,27 @@ mod tests {
 
     #[test]
     fn a_line_beside_or_behind_the_vehicle_is_not_seen() {
-        assert!(camera().view(&[[-20.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]).is_empty());
-        assert!(camera().view(&[[1.5, 9.0, 0.0], [1.5, -9.0, 0.0]]).is_empty());
+        assert!(
+            camera()
+                .view(&[[-20.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+                .is_empty()
+        );
+        assert!(
+            camera()
+                .view(&[[1.5, 9.0, 0.0], [1.5, -9.0, 0.0]])
+                .is_empty()
+        );
         assert!(camera().view(&[[9.0, 0.0, 0.0]]).is_empty());
     }
 
     #[test]
     fn a_line_that_leaves_and_comes_back_is_in_two_pieces() {
-        let line = [[10.0, 0.0, 0.0], [10.0, 40.0, 0.0], [20.0, 40.0, 0.0], [20.0, 0.0, 0.0]];
+        let line = [
+            [10.0, 0.0, 0.0],
+            [10.0, 40.0, 0.0],
+            [20.0, 40.0, 0.0],
+            [20.0, 0.0, 0.0],
+        ];
         assert_eq!(camera().view(&line).len(), 2);
     }
 

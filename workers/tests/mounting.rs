@@ -126,14 +126,18 @@ fn drive(lines_m: &[f64], relief: Relief, off: [f64; 4]) -> Recording {
         [turned[0] - roll, turned[1] - pitch, turned[2] - yaw],
     );
     let mut recording = Recording::default();
-    recording.calibrations.push(stamped(0, "camera", calibration()));
+    recording
+        .calibrations
+        .push(stamped(0, "camera", calibration()));
     let transform = Transform {
         parent_frame: "base_link".to_owned(),
         child_frame: "camera".to_owned(),
         translation_m: stated.translation.vector.into(),
         rotation: stated.rotation.coords.into(),
     };
-    recording.static_transforms.push(stamped(0, "", vec![transform]));
+    recording
+        .static_transforms
+        .push(stamped(0, "", vec![transform]));
     for index in 0..FRAMES {
         let stamp_ns = index * FRAME_NS;
         let way_m = SPEED_M_S * stamp_ns as f64 * 1e-9;
@@ -202,7 +206,10 @@ fn a_wrong_mounting_is_found_and_a_right_one_kept() {
     ] {
         let mounting = refined(&OWN_AND_NEXT_LANE, flat, off);
         assert_near(&mounting, off, slack);
-        assert!(mounting.is_observed[1] && mounting.is_observed[2], "{mounting:?}");
+        assert!(
+            mounting.is_observed[1] && mounting.is_observed[2],
+            "{mounting:?}"
+        );
         assert!(mounting.refined_miss_m < 0.05, "{mounting:?}");
     }
 }

@@ -68,7 +68,9 @@ fn compare(model: &str, numbers: &[f64], worst: &mut Worst) {
     let ray = ray.unwrap_or_else(|| panic!("{model} {d:?}: no ray of {u}, {v}"));
     // Directions are compared at the pixel they are projected to.
     let ours = camera.pixel_from_camera(ray).unwrap();
-    let theirs = camera.pixel_from_camera(Vector3::new(back_x, back_y, 1.0)).unwrap();
+    let theirs = camera
+        .pixel_from_camera(Vector3::new(back_x, back_y, 1.0))
+        .unwrap();
     worst.points += 1;
     let far = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
     worst.projection_px = worst.projection_px.max(far([our_u, our_v], [u, v]));

@@ -47,8 +47,7 @@ pub(crate) fn image_annotations(
     for annotation in &message.points {
         let metadata = message.metadata.iter().chain(&annotation.metadata);
         let pairs = metadata.map(|pair| (pair.key.as_str(), pair.value.as_str()));
-        let stamp =
-            || stamp_ns.map_or_else(|| to_stamp(annotation.timestamp), |ns| Ok(Some(ns)));
+        let stamp = || stamp_ns.map_or_else(|| to_stamp(annotation.timestamp), |ns| Ok(Some(ns)));
         let Some(attributes) = Attributes::read(pairs.clone())? else {
             is_about_others = true;
             if is_vehicle(pairs) && shape_of(annotation).is_some() {

@@ -128,9 +128,8 @@ fn has_solids(entity: &SceneEntity) -> bool {
 /// The points of a line in its entity's frame, in metres, in the order that its indices give.
 fn line_points(line: &LinePrimitive) -> Result<Vec<[f64; 3]>, DecodeError> {
     let pose = line.pose.map(line_pose).transpose()?.flatten();
-    let place = |point: &Point3| {
-        within_reach(move_point([point.x, point.y, point.z], pose.as_ref()))
-    };
+    let place =
+        |point: &Point3| within_reach(move_point([point.x, point.y, point.z], pose.as_ref()));
     if line.indices.is_empty() {
         return line.points.iter().map(place).collect();
     }

@@ -57,9 +57,18 @@ impl Vehicles {
         corners: Vec<[f64; 3]>,
     ) -> Result<(), DecodeError> {
         self.vehicles += 1;
-        check_count("vehicles in a frame", self.vehicles, MAX_DETECTIONS_PER_FRAME)?;
-        check_count("corners of a vehicle", corners.len(), MAX_POINTS_PER_DETECTION)?;
-        let is_it = |frame: &&mut (Option<i64>, String, _)| frame.0 == stamp_ns && frame.1 == frame_id;
+        check_count(
+            "vehicles in a frame",
+            self.vehicles,
+            MAX_DETECTIONS_PER_FRAME,
+        )?;
+        check_count(
+            "corners of a vehicle",
+            corners.len(),
+            MAX_POINTS_PER_DETECTION,
+        )?;
+        let is_it =
+            |frame: &&mut (Option<i64>, String, _)| frame.0 == stamp_ns && frame.1 == frame_id;
         match self.frames.iter_mut().find(is_it) {
             Some((_, _, vehicles)) => vehicles.push(corners),
             None => self

@@ -522,17 +522,25 @@ fn boxes_of_vehicles_are_vehicles_beside_what_else_a_scene_says() {
     let Payload::Vehicles(frame) = &messages[0].payload else {
         panic!("{:?}", messages[0])
     };
-    assert_eq!((frame.space, frame.vehicles.len()), (DetectionSpace::Metres, 1));
+    assert_eq!(
+        (frame.space, frame.vehicles.len()),
+        (DetectionSpace::Metres, 1)
+    );
     let bounds = |axis: usize| {
         let values = frame.vehicles[0].iter().map(|corner| corner[axis]);
         let low = values.clone().fold(f64::INFINITY, f64::min);
         (low, values.fold(f64::NEG_INFINITY, f64::max))
     };
-    for (axis, expected) in [(9.1, 10.9), (0.0, 4.0), (0.0, 1.5)].into_iter().enumerate() {
+    for (axis, expected) in [(9.1, 10.9), (0.0, 4.0), (0.0, 1.5)]
+        .into_iter()
+        .enumerate()
+    {
         let (low, high) = bounds(axis);
         assert!((low - expected.0).abs() < 1e-9 && (high - expected.1).abs() < 1e-9);
     }
-    assert!(matches!(&messages[1].payload, Payload::Detections(frame) if frame.detections.len() == 1));
+    assert!(
+        matches!(&messages[1].payload, Payload::Detections(frame) if frame.detections.len() == 1)
+    );
 }
 
 #[test]

@@ -171,13 +171,7 @@ impl<'a> Drive<'a> {
         laid
     }
 
-    fn pair(
-        &self,
-        frame: usize,
-        seen: Vec<CutLine>,
-        registration: Registration,
-        laid: &mut Laid,
-    ) {
+    fn pair(&self, frame: usize, seen: Vec<CutLine>, registration: Registration, laid: &mut Laid) {
         let used = &self.frames[frame];
         if registration.confidence < MIN_CONFIDENCE {
             return;
@@ -190,8 +184,8 @@ impl<'a> Drive<'a> {
         for pair in matches.pairs.iter().filter(|pair| !pair.is_ambiguous) {
             let seen = &cross_cut.seen[pair.seen];
             let mapped = &cross_cut.mapped[pair.mapped];
-            let misses = common(seen, mapped)
-                .map(|(range, miss_m)| (range, miss_m + registration.offset_m));
+            let misses =
+                common(seen, mapped).map(|(range, miss_m)| (range, miss_m + registration.offset_m));
             laid.pairs.push(Paired {
                 frame,
                 line: seen.line,
@@ -226,13 +220,7 @@ impl<'a> Drive<'a> {
 }
 
 /// Adds the prior of one part of the correction, which is at `at`, or holds it where it is.
-fn hold(
-    k: usize,
-    is_free: bool,
-    at: f64,
-    normal: &mut Matrix4<f64>,
-    downhill: &mut Vector4<f64>,
-) {
+fn hold(k: usize, is_free: bool, at: f64, normal: &mut Matrix4<f64>, downhill: &mut Vector4<f64>) {
     if is_free {
         // A Cauchy prior as a weight: tight near the stated mounting, slack far off.
         let weight = 2.0 / (2.0 * PRIOR_SIGMA[k].powi(2) + at * at);
@@ -337,7 +325,9 @@ impl Laid {
         let scale_m = ROBUST_SCALES_M[ROBUST_SCALES_M.len() - 1];
         let of = |pair: &Paired| {
             let losses = pair.misses_m.iter();
-            let sum: f64 = losses.map(|(_, miss_m)| (miss_m / scale_m).powi(2).ln_1p()).sum();
+            let sum: f64 = losses
+                .map(|(_, miss_m)| (miss_m / scale_m).powi(2).ln_1p())
+                .sum();
             sum / pair.misses_m.len() as f64 * pair.worth
         };
         let worth: f64 = self.pairs.iter().map(|pair| pair.worth).sum();
@@ -346,10 +336,7 @@ impl Laid {
 }
 
 /// Ranges that both lines have, and seen minus mapped lateral position there.
-fn common<'a>(
-    seen: &'a CutLine,
-    mapped: &'a CutLine,
-) -> impl Iterator<Item = (usize, f64)> + 'a {
+fn common<'a>(seen: &'a CutLine, mapped: &'a CutLine) -> impl Iterator<Item = (usize, f64)> + 'a {
     seen.cuts.iter().filter_map(|cut| {
         let other = mapped.cuts.iter().find(|other| other.range == cut.range)?;
         Some((cut.range, cut.lateral_m - other.lateral_m))
