@@ -275,8 +275,7 @@ fn within(at: Vector2<f64>, limit: f64) -> Vector2<f64> {
 /// Inverts [`fisheye`] by Newton's method, halving where it would leave the bracket.
 fn straighten_fisheye(k: [f64; 4], radius: f64, limit: f64) -> Option<f64> {
     let (mut low, mut high) = (0.0, limit);
-    // Written so that NaN has no ray.
-    if !(radius < fisheye(k, limit).0) {
+    if radius.is_nan() || radius >= fisheye(k, limit).0 {
         return None;
     }
     let mut angle_rad = radius.min(limit);

@@ -1,6 +1,8 @@
 //! The refinement of a camera's mounting on drives whose truth is known: a bend of a road with four
 //! lines, seen in pixels by a camera that is mounted otherwise than the log says.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use tilefold_schemas::id::VehicleKey;
 use tilefold_schemas::log::{

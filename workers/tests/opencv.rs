@@ -1,6 +1,8 @@
 //! Projection and undistortion against OpenCV, which `opencv/opencv.py` asked: 200 points a model
 //! that lie beside it, or those of the file that `TILEFOLD_OPENCV_POINTS` names.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

@@ -35,7 +35,7 @@ pub(crate) fn is_vehicle<'a>(metadata: impl Iterator<Item = (&'a str, &'a str)>)
 #[derive(Debug)]
 pub(crate) struct Vehicles {
     space: DetectionSpace,
-    frames: Vec<(Option<i64>, String, Vec<Vec<[f64; 3]>>)>,
+    frames: Vec<Decoded>,
     vehicles: usize,
 }
 
@@ -67,25 +67,25 @@ impl Vehicles {
             corners.len(),
             MAX_POINTS_PER_DETECTION,
         )?;
-        let is_it =
-            |frame: &&mut (Option<i64>, String, _)| frame.0 == stamp_ns && frame.1 == frame_id;
-        match self.frames.iter_mut().find(is_it) {
-            Some((_, _, vehicles)) => vehicles.push(corners),
-            None => self
-                .frames
-                .push((stamp_ns, frame_id.to_owned(), vec![corners])),
+        let mut frames = self.frames.iter_mut();
+        let known = frames.find(|frame| frame.stamp_ns == stamp_ns && frame.frame_id == frame_id);
+        if let Some(Payload::Vehicles(frame)) = known.map(|known| &mut known.payload) {
+            frame.vehicles.push(corners);
+            return Ok(());
         }
+        self.frames.push(Decoded {
+            stamp_ns,
+            frame_id: frame_id.to_owned(),
+            payload: Payload::Vehicles(VehicleFrame {
+                space: self.space,
+                vehicles: vec![corners],
+            }),
+        });
         Ok(())
     }
 
     /// Hands the frames on.
     pub(crate) fn finish(self, decoded: &mut Vec<Decoded>) {
-        let Self { space, frames, .. } = self;
-        let frames = frames.into_iter();
-        decoded.extend(frames.map(|(stamp_ns, frame_id, vehicles)| Decoded {
-            stamp_ns,
-            frame_id,
-            payload: Payload::Vehicles(VehicleFrame { space, vehicles }),
-        }));
+        decoded.extend(self.frames);
     }
 }
