@@ -236,3 +236,21 @@ fn a_drive_that_saw_nothing_keeps_its_mounting() {
     assert_eq!(mounting.correction, [0.0; 4]);
     assert_eq!(mounting.is_observed, [false; 4]);
 }
+
+#[test]
+fn frames_whose_camera_cannot_be_used_are_set_aside_with_the_reason() {
+    let context = MapContext {
+        map: map(&OWN_AND_NEXT_LANE, flat),
+        tile_level: TILE_LEVEL,
+    };
+    let mut recording = drive(&OWN_AND_NEXT_LANE, flat, [0.0; 4]);
+    recording.calibrations[0].value.d.pop();
+    let chunk = chunk::cut(&recording, VehicleKey(1), "/lanes", 1).unwrap();
+    let evidence = map_chunk(&chunk, &context).unwrap();
+    assert_eq!((evidence.frames, evidence.mounting), (0, None));
+    assert_eq!(
+        evidence.set_aside[0].reason,
+        "detections cannot be brought into the vehicle frame: the distortion model `equidistant` \
+         has 3 coefficients; it takes 4"
+    );
+}

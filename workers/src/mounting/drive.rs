@@ -5,7 +5,7 @@ use nalgebra::{Matrix4, Vector4};
 use super::{Mounting, PRIOR_SIGMA, corrected};
 use crate::cuts::{CrossCut, CutLine, cut_seen};
 use crate::look::Look;
-use crate::matching::match_lines;
+use crate::matching::{GATE_M, match_lines};
 use crate::pixels::{Casting, Pixels};
 use crate::pose::median;
 use crate::profile::{Profile, profiles};
@@ -26,6 +26,11 @@ const RESIDUAL_SIGMA_M: f64 = 0.15;
 /// Scale of the robust loss by round, in metres: at first all matches pull, in the end only those
 /// in place. The last one is kept.
 const ROBUST_SCALES_M: [f64; 4] = [0.8, 0.5, 0.3, 0.2];
+/// Corrections that the search begins at: the stated mounting, and if nothing that fits is found
+/// from it, far up and down.
+const STARTS: [[f64; 4]; 3] = [[0.0; 4], [0.0, 0.05, 0.0, 0.0], [0.0, -0.05, 0.0, 0.0]];
+/// A mounting does not fit if its lines are off by this in the median, in metres.
+const WIDE_MISS_M: f64 = 0.2;
 /// Rounds of registration, matching and a Gauss-Newton step.
 const ROUNDS: usize = 12;
 /// A round that moves nothing by more than this share of the prior's spread is the last.
@@ -88,34 +93,39 @@ impl<'a> Drive<'a> {
 
     /// The mounting that lays the drive on the map; the stated one if none does it better.
     pub(super) fn mounting(&self) -> Mounting {
-        let stated = self.lay([0.0; 4]);
-        let refused = Mounting::stated(stated.pairs.len(), stated.miss_m());
-        let settled = (refused.pairs >= MIN_PAIRS).then(|| self.settle([true; 4]));
-        let Some((_, is_observed, _)) = settled.flatten() else {
-            return refused;
-        };
-        // What is not observed must not take part in what is.
-        let Some((correction, still, sigma)) = self.settle(is_observed) else {
-            return refused;
-        };
-        let refined = self.lay(correction);
-        let is_within = (0..4).all(|k| correction[k].abs() < BOUNDS[k]);
-        if !is_within || refined.loss() >= stated.loss() {
-            return refused;
+        let laid = self.lay([0.0; 4]);
+        let stated = Mounting::stated(laid.pairs.len(), laid.miss_m());
+        let mut best = (laid.gain(), stated);
+        for start in STARTS {
+            let fits = best.1.correction != [0.0; 4] && best.1.refined_miss_m < WIDE_MISS_M;
+            let found = (!fits).then(|| self.from(start, stated)).flatten();
+            best = found.filter(|found| found.0 > best.0).unwrap_or(best);
         }
-        Mounting {
+        best.1
+    }
+
+    /// What is found from one start, and its score; none if that is nothing.
+    fn from(&self, start: [f64; 4], stated: Mounting) -> Option<(f64, Mounting)> {
+        let (_, is_observed, _) = self.settle(start, [true; 4])?;
+        // What is not observed must not take part in what is.
+        let (correction, is_observed, sigma) = self.settle(start, is_observed)?;
+        let laid = self.lay(correction);
+        let is_within = (0..4).all(|k| correction[k].abs() < BOUNDS[k]);
+        let mounting = Mounting {
             correction,
             sigma,
-            is_observed: still,
-            pairs: refined.pairs.len(),
-            refined_miss_m: refined.miss_m(),
-            ..refused
-        }
+            is_observed,
+            pairs: laid.pairs.len(),
+            refined_miss_m: laid.miss_m(),
+            ..stated
+        };
+        let score = laid.gain() - prior_nats(correction);
+        (is_within && laid.pairs.len() >= MIN_PAIRS).then_some((score, mounting))
     }
 
     /// Rounds of registration and Gauss-Newton over the parts of the correction that are `free`.
-    fn settle(&self, free: [bool; 4]) -> Option<Settled> {
-        let mut at = [0.0; 4];
+    fn settle(&self, start: [f64; 4], free: [bool; 4]) -> Option<Settled> {
+        let mut at = [0, 1, 2, 3].map(|k| if free[k] { start[k] } else { 0.0 });
         let mut covariance = Matrix4::zeros();
         for round in 0..ROUNDS {
             let scale_m = ROBUST_SCALES_M[round.min(ROBUST_SCALES_M.len() - 1)];
@@ -219,6 +229,12 @@ impl<'a> Drive<'a> {
     }
 }
 
+/// The prior of a correction against that of none.
+fn prior_nats(correction: [f64; 4]) -> f64 {
+    let nats = |k: usize| (0.5 * (correction[k] / PRIOR_SIGMA[k]).powi(2)).ln_1p();
+    (0..4).map(nats).sum()
+}
+
 /// Adds the prior of one part of the correction, which is at `at`, or holds it where it is.
 fn hold(k: usize, is_free: bool, at: f64, normal: &mut Matrix4<f64>, downhill: &mut Vector4<f64>) {
     if is_free {
@@ -320,18 +336,15 @@ impl Laid {
         median(misses.map(|(_, miss_m)| miss_m.abs()).collect())
     }
 
-    /// Mean robust loss of a line.
-    fn loss(&self) -> f64 {
+    /// Log-likelihood of the witnesses against lines that lie just anywhere within the gate, in nats.
+    fn gain(&self) -> f64 {
         let scale_m = ROBUST_SCALES_M[ROBUST_SCALES_M.len() - 1];
+        let loss = |miss_m: f64| (miss_m / scale_m).powi(2).ln_1p();
         let of = |pair: &Paired| {
-            let losses = pair.misses_m.iter();
-            let sum: f64 = losses
-                .map(|(_, miss_m)| (miss_m / scale_m).powi(2).ln_1p())
-                .sum();
-            sum / pair.misses_m.len() as f64 * pair.worth
+            let sum: f64 = pair.misses_m.iter().map(|(_, miss_m)| loss(*miss_m)).sum();
+            pair.worth * (loss(GATE_M) - sum / pair.misses_m.len() as f64)
         };
-        let worth: f64 = self.pairs.iter().map(|pair| pair.worth).sum();
-        self.pairs.iter().map(of).sum::<f64>() / worth.max(f64::MIN_POSITIVE)
+        self.pairs.iter().map(of).sum()
     }
 }
 
