@@ -1,10 +1,10 @@
 //! The map stage: one chunk in, keyed evidence out.
 //!
 //! Pure: no disk, no clock, no environment, no randomness. The way of a frame is the order of the
-//! modules: [`pose`] and [`frames`] place the vehicle, [`camera`] and [`look`] bring what was seen
-//! into metres, [`clock`] brings
-//! the two clocks together, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
-//! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen, and
+//! modules: [`pose`] and [`frames`] place the vehicle; [`lens`], [`camera`], [`pixels`], [`surface`] and
+//! [`look`] bring what was seen into metres, [`clock`] brings
+//! the two clocks together, [`mounting`] says where the camera really is; [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
+//! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen ([`hidden`]: what could not), and
 //! [`testify`], [`sight`] and [`footprint`] write it down; [`areas`] does the same for stop lines, crosswalks and
 //! ground signs. [`map_chunk()`] joins them; [`trace`] is for onlookers.
 
