@@ -30,7 +30,7 @@ struct Sample {
 }
 
 /// V_occ of the whole road ahead: the mean over lines that might be there.
-fn open_road(hidden: &Hidden<'_>) -> f64 {
+pub(crate) fn open_road(hidden: &Hidden<'_>) -> f64 {
     let line = |left_m: f64| RANGES_M.iter().map(move |&ahead_m| [ahead_m, left_m, 0.0]);
     let shares = SIDES_M.map(|left_m| hidden.open_share(line(left_m)));
     shares.iter().sum::<f64>() / SIDES_M.len() as f64

@@ -9,7 +9,7 @@ use crate::clock;
 use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
-use crate::hidden::Traffic;
+use crate::hidden::{Hidden, Traffic};
 use crate::local_map::{LocalMap, Near};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
@@ -133,6 +133,10 @@ pub fn map_chunk_traced(
     let zone = Zone::learn(&looks);
 
     let traffic = Traffic::new(recording, &tree, casting.map(|casting| &casting.camera));
+    let hidden: Vec<Hidden<'_>> = looks
+        .iter()
+        .map(|look| traffic.at(look.pose.stamp_ns))
+        .collect();
     let mut ledger = Ledger::new(chunk.id, &map, &zone);
     let mut sightings = Sightings::default();
     let mut footprints = Footprints::default();
@@ -147,6 +151,7 @@ pub fn map_chunk_traced(
             way_m: ways_m[index],
             is_own: (from_ns..to_ns).contains(&look.pose.stamp_ns),
             is_anchored: false,
+            hidden: &hidden[index],
             areas: seen_areas
                 .get(&look.pose.stamp_ns)
                 .map_or(&[][..], Vec::as_slice),
@@ -155,13 +160,12 @@ pub fn map_chunk_traced(
             continue;
         }
         let matches = match_lines(&cross_cuts[index], registrations[index].offset_m);
-        let hidden = traffic.at(look.pose.stamp_ns);
         let frame = Frame {
             look,
             cross_cut: &cross_cuts[index],
             registration: registrations[index],
             matches: &matches,
-            hidden: &hidden,
+            hidden: &hidden[index],
         };
         trace(&frame, &map);
         ledger.add(&frame);

@@ -21,7 +21,7 @@ pub const SECTION_M: f64 = 10.0;
 /// Frames whose registration is less sure than this testify nothing.
 pub const MIN_CONFIDENCE: f64 = 0.3;
 /// A section less visible than this was not exposed.
-const MIN_VISIBILITY: f64 = 0.05;
+pub(crate) const MIN_VISIBILITY: f64 = 0.05;
 /// The paper's v_min: exposures below it enter none of its sums.
 const PAPER_MIN_VISIBILITY: f64 = 0.7;
 /// Noise of one lateral residual apart from registration, in metres.

@@ -1,5 +1,5 @@
-//! The refinement of a camera's mounting on drives whose truth is known: a bend of a road with four
-//! lines, seen in pixels by a camera that is mounted otherwise than the log says.
+//! Drives in pixels whose truth is known: a bend of a road with four lines, seen by a camera that is
+//! mounted otherwise than the log says, and partly hidden by other vehicles.
 
 #![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
 
@@ -7,8 +7,9 @@ use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use tilefold_schemas::id::VehicleKey;
 use tilefold_schemas::log::{
     CameraCalibration, Detection, DetectionFrame, DetectionSpace, GnssFix, Imu, Transform,
+    VehicleFrame,
 };
-use tilefold_schemas::{Color, Element, ElementId, ElementKind, Marking, SignClass};
+use tilefold_schemas::{Color, Element, ElementId, ElementKind, Marking, SignClass, fixed};
 use tilefold_tiler::chunk;
 use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
@@ -253,4 +254,44 @@ fn frames_whose_camera_cannot_be_used_are_set_aside_with_the_reason() {
         "detections cannot be brought into the vehicle frame: the distortion model `equidistant` \
          has 3 coefficients; it takes 4"
     );
+}
+
+/// Visibility of each line's misses, summed over a chunk.
+fn missed(recording: &Recording) -> [f64; 4] {
+    let context = MapContext {
+        map: map(&[-5.25, -1.75, 1.75, 5.25], flat),
+        tile_level: TILE_LEVEL,
+    };
+    let chunk = chunk::cut(recording, VehicleKey(1), "/lanes", 1).unwrap();
+    let mut missed = [0.0; 4];
+    for row in map_chunk(&chunk, &context).unwrap().rows {
+        missed[row.element as usize] += fixed::to_f64(row.sum_v_miss_fx);
+    }
+    missed
+}
+
+#[test]
+fn a_line_behind_a_truck_is_not_missed() {
+    let own_lane = [-1.75, 1.75];
+    let mut recording = drive(&own_lane, flat, [0.0; 4]);
+    let open = missed(&recording);
+    assert!(open[0] > 1.0 && open[3] > 1.0, "{open:?}");
+    assert!(open[1] < 0.1 && open[2] < 0.1, "{open:?}");
+    // A truck drives along in the lane to the right.
+    let corners = [2.0, 22.0].into_iter().flat_map(|x| {
+        let sides = [-4.6, -2.2].into_iter();
+        sides.flat_map(move |y| [[x, y, 0.0], [x, y, 3.5]])
+    });
+    let truck = VehicleFrame {
+        space: DetectionSpace::Metres,
+        vehicles: vec![corners.collect()],
+    };
+    for frame in recording.detections.clone() {
+        let vehicles = stamped(frame.stamp_ns, "base_link", truck.clone());
+        recording.vehicles.push(vehicles);
+    }
+    recording.settle();
+    let hidden = missed(&recording);
+    assert!(hidden[0] < 0.1 * open[0], "{hidden:?} {open:?}");
+    assert!((hidden[3] - open[3]).abs() < 1e-9, "{hidden:?} {open:?}");
 }
