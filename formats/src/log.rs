@@ -32,6 +32,7 @@ mod section;
 mod sound;
 mod summary;
 mod topic;
+mod vehicles;
 mod wire;
 
 pub use cdr::Cdr;

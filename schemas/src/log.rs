@@ -128,6 +128,15 @@ pub struct DetectionFrame {
     pub detections: Vec<Detection>,
 }
 
+/// Other vehicles that were seen at one instant: they hide what lies behind them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleFrame {
+    /// Metres or pixels.
+    pub space: DetectionSpace,
+    /// Corners of the box around each: in metres of a solid one, in pixels its outline.
+    pub vehicles: Vec<Vec<[f64; 3]>>,
+}
+
 /// What a message says.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Payload {
@@ -152,6 +161,8 @@ pub enum Payload {
     Image(EncodedImage),
     /// Detections made on the vehicle.
     Detections(DetectionFrame),
+    /// Other vehicles.
+    Vehicles(VehicleFrame),
 }
 
 /// One decoded message.

@@ -6,6 +6,7 @@
 
 use tilefold_schemas::log::{
     CameraCalibration, DetectionFrame, GnssFix, Imu, LogMessage, Odometry, Payload, Transform,
+    VehicleFrame,
 };
 
 /// A value with its capture time.
@@ -35,6 +36,8 @@ pub struct Recording {
     pub odometry: Series<Odometry>,
     /// Detections made on the vehicle.
     pub detections: Series<DetectionFrame>,
+    /// Other vehicles that were seen, on whatever topic.
+    pub vehicles: Series<VehicleFrame>,
     /// Camera intrinsics. Latched: they hold until the next.
     pub calibrations: Series<CameraCalibration>,
     /// Static transforms. Latched.
@@ -76,6 +79,7 @@ impl Recording {
                 }
             ),
             Payload::Detections(frame) => push!(detections, frame),
+            Payload::Vehicles(frame) => push!(vehicles, frame),
             Payload::Calibration(calibration) => push!(calibrations, calibration),
             Payload::Transforms {
                 transforms,
@@ -91,6 +95,7 @@ impl Recording {
             + settle(&mut self.imu)
             + settle(&mut self.odometry)
             + settle(&mut self.detections)
+            + settle(&mut self.vehicles)
             + settle(&mut self.calibrations)
             + settle(&mut self.static_transforms);
     }
@@ -104,6 +109,7 @@ impl Recording {
             imu: between(&self.imu, from_ns, to_ns).to_vec(),
             odometry: between(&self.odometry, from_ns, to_ns).to_vec(),
             detections: between(&self.detections, from_ns, to_ns).to_vec(),
+            vehicles: between(&self.vehicles, from_ns, to_ns).to_vec(),
             calibrations: latched(&self.calibrations, to_ns),
             static_transforms: self.static_transforms.clone(),
             duplicates: 0,
@@ -120,6 +126,10 @@ impl Recording {
         feed(&mut hasher, b"detections", &self.detections);
         feed(&mut hasher, b"calibrations", &self.calibrations);
         feed(&mut hasher, b"static", &self.static_transforms);
+        // Recordings from before vehicles were read keep their digests.
+        if !self.vehicles.is_empty() {
+            feed(&mut hasher, b"vehicles", &self.vehicles);
+        }
         tilefold_schemas::id::first_i64(&hasher.finalize())
     }
 }

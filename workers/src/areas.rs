@@ -21,6 +21,7 @@ use tilefold_schemas::{ChunkId, EvidenceRow, Footprint, Sighting};
 use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::tile::TileError;
 
+use crate::hidden::Hidden;
 use crate::look::Look;
 use crate::register::Registration;
 use crate::testify::MIN_CONFIDENCE;
@@ -47,6 +48,8 @@ pub struct Glimpse<'a> {
     pub is_anchored: bool,
     /// Areas seen.
     pub areas: &'a [SeenArea],
+    /// What could not be seen.
+    pub hidden: &'a Hidden<'a>,
 }
 
 /// What a chunk is, wherever it is said.

@@ -1,23 +1,25 @@
-//! From a pixel of the raw image to the road: lens model, mounting, flat ground.
+//! A mounted camera: from points of the vehicle frame to pixels of the raw image, and from a pixel
+//! to the road (method.md, section 4; Eq 1 to 3).
 //!
-//! Camera coordinates follow the optical convention: x right, y down, z forward along the axis.
+//! Camera coordinates follow the optical convention: x right, y down, z forward along the axis; a
+//! point's depth is its z. Pixels follow OpenCV: the centre of the first one is (0, 0), so an image
+//! covers -0.5 to `width_px` - 0.5. The skew of a camera matrix is not used, as in OpenCV.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use tilefold_schemas::log::CameraCalibration;
 
-/// Newton steps of undistortion; it converges quadratically, 20 is far more than it takes.
-const UNDISTORT_STEPS: usize = 20;
-/// Undistortion has converged when a step is shorter than this, in normalised image units.
-const UNDISTORT_TOLERANCE: f64 = 1e-12;
+use crate::lens::{Lens, LensError};
+use crate::surface::Surface;
+
+/// What lies nearer than this along the optical axis is not projected, in metres.
+pub const NEAR_M: f64 = 0.1;
 
 /// Why a camera cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CameraError {
-    /// A lens model that is not known here.
-    #[error(
-        "the distortion model `{0}` is not supported; known are plumb_bob, rational_polynomial and none"
-    )]
-    Model(String),
+    /// Its lens.
+    #[error(transparent)]
+    Lens(#[from] LensError),
     /// A camera matrix that cannot be inverted.
     #[error(
         "the camera matrix has the focal lengths fx = {fx}, fy = {fy} pixels; both must be positive"
@@ -30,132 +32,117 @@ pub enum CameraError {
     },
 }
 
-/// A camera whose pixels can be cast onto the road.
+/// A camera on a vehicle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
+    /// Width and height of its images; 0 where the log does not say.
+    size_px: [u32; 2],
     focal_px: [f64; 2],
     centre_px: [f64; 2],
-    /// k1, k2, p1, p2, k3, k4, k5, k6 (OpenCV's order).
-    distortion: [f64; 8],
-    vehicle_from_camera: Isometry3<f64>,
+    lens: Lens,
+    /// Its mounting.
+    pub vehicle_from_camera: Isometry3<f64>,
 }
 
 impl Camera {
     /// The camera with the log's calibration, mounted at `vehicle_from_camera`.
     ///
     /// # Errors
-    /// An unknown lens model or a camera matrix without focal lengths.
+    /// A lens that cannot be used, or a camera matrix without focal lengths.
     pub fn new(
         calibration: &CameraCalibration,
         vehicle_from_camera: Isometry3<f64>,
     ) -> Result<Self, CameraError> {
-        let d = &calibration.d;
-        let known = match calibration.distortion_model.as_str() {
-            "plumb_bob" => 5,
-            "rational_polynomial" => 8,
-            "" if d.iter().all(|&value| value == 0.0) => 0,
-            other => return Err(CameraError::Model(other.to_owned())),
-        };
-        let mut distortion = [0.0; 8];
-        for (to, from) in distortion.iter_mut().zip(d.iter().take(known)) {
-            *to = *from;
-        }
         let [fx, _, cx, _, fy, cy, ..] = calibration.k;
         if !(fx > 0.0 && fy > 0.0) {
             return Err(CameraError::Focal { fx, fy });
         }
         Ok(Self {
+            size_px: [calibration.width_px, calibration.height_px],
             focal_px: [fx, fy],
             centre_px: [cx, cy],
-            distortion,
+            lens: Lens::new(&calibration.distortion_model, &calibration.d)?,
             vehicle_from_camera,
         })
     }
 
-    /// Where the pixel's ray meets the plane z = 0 of the vehicle frame, in metres; none if it
-    /// does not go down or the lens model has no inverse there.
+    /// The ray (camera frame) that a pixel sees; none beyond the lens model's trusted range.
     #[must_use]
-    pub fn road_from_pixel(&self, pixel: [f64; 2]) -> Option<[f64; 3]> {
-        let distorted = [
+    pub fn ray(&self, pixel: [f64; 2]) -> Option<Vector3<f64>> {
+        self.lens.straighten([
             (pixel[0] - self.centre_px[0]) / self.focal_px[0],
             (pixel[1] - self.centre_px[1]) / self.focal_px[1],
-        ];
-        let [x, y] = self.undistort(distorted)?;
-        let ray = self.vehicle_from_camera.rotation * Vector3::new(x, y, 1.0);
-        let origin = self.vehicle_from_camera.translation.vector;
-        if ray.z >= -1e-6 {
-            return None;
-        }
-        let depth_m = -origin.z / ray.z;
-        let hit = origin + ray * depth_m;
-        (depth_m > 0.0 && hit.x.is_finite() && hit.y.is_finite()).then_some([hit.x, hit.y, 0.0])
+        ])
     }
 
-    /// The pixel that a point of the vehicle frame is seen at; none if it is not in front of the
-    /// camera (nearer than 0.1 m along the optical axis).
+    /// Where a ray of the camera meets the road, in the vehicle frame, in metres; none if it does
+    /// not.
     #[must_use]
-    pub fn pixel_from_vehicle(&self, point_m: [f64; 3]) -> Option<[f64; 2]> {
-        let point = self
-            .vehicle_from_camera
-            .inverse_transform_point(&Point3::from(point_m));
-        if point.z < 0.1 {
+    pub fn road_from_ray(&self, ray: Vector3<f64>, surface: &Surface) -> Option<[f64; 3]> {
+        let origin = self.vehicle_from_camera.translation.vector;
+        let hit = surface.meet(origin, self.vehicle_from_camera.rotation * ray)?;
+        Some(hit.into())
+    }
+
+    /// Where a pixel's ray meets the road, in the vehicle frame, in metres; none if it does not or
+    /// the lens model is not trusted there.
+    #[must_use]
+    pub fn road_from_pixel(&self, pixel: [f64; 2], surface: &Surface) -> Option<[f64; 3]> {
+        self.road_from_ray(self.ray(pixel)?, surface)
+    }
+
+    /// The pixel at which a point of the camera frame is seen; none if it is nearer than
+    /// [`NEAR_M`] or beyond the lens model's trusted range. It may lie outside the image.
+    #[must_use]
+    pub fn pixel_from_camera(&self, point_in_camera: Vector3<f64>) -> Option<[f64; 2]> {
+        // Before the division: what is behind would come out mirrored.
+        if point_in_camera.z < NEAR_M {
             return None;
         }
-        let [x, y] = self.distort([point.x / point.z, point.y / point.z]);
+        let [x, y] = self.lens.bend(point_in_camera)?;
         Some([
             self.focal_px[0] * x + self.centre_px[0],
             self.focal_px[1] * y + self.centre_px[1],
         ])
     }
 
-    /// Brown-Conrady with OpenCV's rational radial term.
-    fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [k1, k2, p1, p2, k3, k4, k5, k6] = self.distortion;
-        let r2 = x * x + y * y;
-        let radial =
-            (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
-        [
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ]
+    /// As [`Self::pixel_from_camera`], of a point of the vehicle frame in metres.
+    #[must_use]
+    pub fn pixel_from_vehicle(&self, point_m: [f64; 3]) -> Option<[f64; 2]> {
+        self.pixel_from_camera(self.camera_from_vehicle(point_m))
     }
 
-    /// Inverts [`Self::distort`] by Newton's method with a numerical Jacobian.
-    fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]> {
-        const H: f64 = 1e-6;
-        let mut at = target;
-        for _ in 0..UNDISTORT_STEPS {
-            let here = self.distort(at);
-            let along_x = self.distort([at[0] + H, at[1]]);
-            let along_y = self.distort([at[0], at[1] + H]);
-            let jacobian = nalgebra::Matrix2::new(
-                (along_x[0] - here[0]) / H,
-                (along_y[0] - here[0]) / H,
-                (along_x[1] - here[1]) / H,
-                (along_y[1] - here[1]) / H,
-            );
-            // Where the radial polynomial turns back, the lens model is not invertible.
-            if jacobian.determinant() <= 0.0 {
-                return None;
-            }
-            let error = nalgebra::Vector2::new(here[0] - target[0], here[1] - target[1]);
-            let step = jacobian.try_inverse()? * error;
-            at = [at[0] - step.x, at[1] - step.y];
-            if step.norm() < UNDISTORT_TOLERANCE {
-                return Some(at);
-            }
+    /// A point of the vehicle frame in the camera frame, in metres.
+    pub(crate) fn camera_from_vehicle(&self, point_m: [f64; 3]) -> Vector3<f64> {
+        let moved = self
+            .vehicle_from_camera
+            .inverse_transform_point(&Point3::from(point_m));
+        moved.coords
+    }
+
+    /// Whether a pixel lies in the image.
+    #[must_use]
+    pub fn shows(&self, pixel: [f64; 2]) -> bool {
+        let (low, high) = self.bounds_px();
+        (0..2).all(|axis| (low[axis]..=high[axis]).contains(&pixel[axis]))
+    }
+
+    /// First and last pixel coordinates of the image; without end where its size is not known.
+    pub(crate) fn bounds_px(&self) -> ([f64; 2], [f64; 2]) {
+        if self.size_px.contains(&0) {
+            return ([f64::NEG_INFINITY; 2], [f64::INFINITY; 2]);
         }
-        let here = self.distort(at);
-        let miss = (here[0] - target[0]).hypot(here[1] - target[1]);
-        (miss < 1e-9).then_some(at)
+        ([-0.5; 2], self.size_px.map(|size| f64::from(size) - 0.5))
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    use nalgebra::{Matrix3, UnitQuaternion};
 
-    fn camera() -> Camera {
+    /// Looking ahead, 1.4 m up, two degrees down.
+    pub(crate) fn camera() -> Camera {
         let calibration = CameraCalibration {
             width_px: 1920,
             height_px: 1080,
@@ -163,10 +150,10 @@ mod tests {
             d: vec![-0.404, 0.149, 0.00106, 0.0005, 0.0],
             k: [1261.5, 0.0, 976.2, 0.0, 1147.0, 530.6, 0.0, 0.0, 1.0],
         };
-        // Looking ahead, 1.4 m up, two degrees down: optical z is vehicle x.
-        let axes = nalgebra::Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
-        let level = nalgebra::UnitQuaternion::from_matrix(&axes);
-        let down = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.035);
+        // Optical z is vehicle x.
+        let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
+        let level = UnitQuaternion::from_matrix(&axes);
+        let down = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.035);
         let mounting = Isometry3::from_parts(Vector3::new(1.5, 0.1, 1.4).into(), down * level);
         Camera::new(&calibration, mounting).unwrap()
     }
@@ -174,22 +161,22 @@ mod tests {
     #[test]
     fn the_road_point_of_a_pixel_is_seen_at_that_pixel() {
         let camera = camera();
-        for pixel in [
-            [976.0, 700.0],
-            [300.0, 800.0],
-            [1700.0, 900.0],
-            [976.0, 590.0],
-        ] {
-            let road = camera.road_from_pixel(pixel).unwrap();
-            assert_eq!(road[2], 0.0);
-            let again = camera.pixel_from_vehicle(road).unwrap();
-            assert!((again[0] - pixel[0]).abs() < 1e-6 && (again[1] - pixel[1]).abs() < 1e-6);
+        for surface in [Surface::FLAT, Surface { bend_per_m: 1e-3 }] {
+            for pixel in [[976.0, 700.0], [300.0, 800.0], [1700.0, 900.0]] {
+                let road = camera.road_from_pixel(pixel, &surface).unwrap();
+                assert!((road[2] - surface.height_m(road[0])).abs() < 1e-9);
+                let again = camera.pixel_from_vehicle(road).unwrap();
+                assert!((again[0] - pixel[0]).hypot(again[1] - pixel[1]) < 1e-6);
+            }
         }
     }
 
     #[test]
     fn the_sky_is_not_road_and_what_is_behind_is_not_seen() {
-        assert_eq!(camera().road_from_pixel([976.0, 200.0]), None);
-        assert_eq!(camera().pixel_from_vehicle([-5.0, 0.0, 0.0]), None);
+        let camera = camera();
+        assert_eq!(camera.road_from_pixel([976.0, 200.0], &Surface::FLAT), None);
+        assert_eq!(camera.pixel_from_vehicle([-5.0, 0.0, 0.0]), None);
+        // A hand's breadth behind the lens would come out near the middle, mirrored.
+        assert_eq!(camera.pixel_from_vehicle([1.45, 0.1, 1.4]), None);
     }
 }

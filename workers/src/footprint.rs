@@ -7,11 +7,15 @@ use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::side::FAR_SIDE_M;
 use tilefold_tiler::tile::{TileError, tile_of};
 
+use crate::cuts::RANGES_M;
+use crate::hidden::Hidden;
 use crate::testify::{Frame, MIN_CONFIDENCE};
 use crate::visibility::Zone;
 
 /// Way between samples, in metres.
 const SAMPLE_M: f64 = 5.0;
+/// Where vehicles are looked for before lines, to the left in metres.
+const SIDES_M: [f64; 4] = [-5.0, -1.75, 1.75, 5.0];
 
 /// Frames that one sample stands for.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +27,13 @@ struct Sample {
     stamp_ns: i64,
     place_m: [f64; 2],
     yaw_rad: f64,
+}
+
+/// V_occ of the whole road ahead: the mean over lines that might be there.
+pub(crate) fn open_road(hidden: &Hidden<'_>) -> f64 {
+    let line = |left_m: f64| RANGES_M.iter().map(move |&ahead_m| [ahead_m, left_m, 0.0]);
+    let shares = SIDES_M.map(|left_m| hidden.open_share(line(left_m)));
+    shares.iter().sum::<f64>() / SIDES_M.len() as f64
 }
 
 /// Collects the footprints of a chunk.
@@ -52,7 +63,7 @@ impl Footprints {
         }
         if let Some(sample) = self.samples.last_mut() {
             sample.frames += 1;
-            sample.sum_v += registration.confidence;
+            sample.sum_v += registration.confidence * open_road(frame.hidden);
         }
     }
 

@@ -1,10 +1,10 @@
 //! The map stage: one chunk in, keyed evidence out.
 //!
 //! Pure: no disk, no clock, no environment, no randomness. The way of a frame is the order of the
-//! modules: [`pose`] and [`frames`] place the vehicle, [`camera`] and [`look`] bring what was seen
-//! into metres, [`clock`] brings
-//! the two clocks together, [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
-//! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen, and
+//! modules: [`pose`] and [`frames`] place the vehicle; [`lens`], [`camera`], [`pixels`], [`surface`] and
+//! [`look`] bring what was seen into metres, [`clock`] brings
+//! the two clocks together, [`mounting`] says where the camera really is; [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
+//! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen ([`hidden`]: what could not), and
 //! [`testify`], [`sight`] and [`footprint`] write it down; [`areas`] does the same for stop lines, crosswalks and
 //! ground signs. [`map_chunk()`] joins them; [`trace`] is for onlookers.
 
@@ -16,17 +16,23 @@ pub mod cuts;
 mod drift;
 pub mod footprint;
 pub mod frames;
+pub mod hidden;
+pub mod lens;
 pub mod local_map;
 pub mod look;
 pub mod map_chunk;
 pub mod matching;
+pub mod mounting;
+pub mod pixels;
 pub mod pose;
 pub mod profile;
 pub mod register;
 pub mod scale;
 pub mod sight;
+pub mod surface;
 pub mod testify;
 pub mod trace;
+pub mod view;
 pub mod visibility;
 
 pub use map_chunk::{Evidence, MapContext, map_chunk, map_chunk_traced};

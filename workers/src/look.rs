@@ -6,13 +6,11 @@ use tilefold_schemas::log::{Detection, DetectionFrame, DetectionSpace};
 use tilefold_schemas::{Color, ElementKind, Marking};
 use tilefold_tiler::recording::{Recording, Stamped};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, CameraError};
 use crate::frames::FrameTree;
+use crate::pixels::Pixels;
 use crate::pose::{Pose, Trajectory};
-
-/// Trusted range of pixels cast onto flat ground, metres ahead: nearer is the bonnet, farther a
-/// degree of pitch is metres.
-pub(crate) const PIXEL_RANGE_M: (f64, f64) = (3.0, 20.0);
+use crate::surface::Surface;
 
 /// A line that was seen.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,6 +26,29 @@ pub struct SeenLine {
 }
 
 impl SeenLine {
+    /// The detection of this number as a line that runs forward through `points_m`; none if fewer
+    /// than two points are usable.
+    pub(crate) fn new(
+        (detection, of): (usize, &Detection),
+        points_m: impl Iterator<Item = [f64; 2]>,
+    ) -> Option<Self> {
+        let line = Self {
+            detection,
+            marking: of.marking,
+            color: of.color,
+            points_m: Vec::new(),
+        };
+        line.through(points_m)
+    }
+
+    /// The same line through other points.
+    pub(crate) fn through(&self, points_m: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
+        let mut points_m: Vec<[f64; 2]> = points_m.collect();
+        points_m.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        points_m.dedup_by(|b, a| b[0] - a[0] < 1e-6);
+        (points_m.len() >= 2).then_some(Self { points_m, ..*self })
+    }
+
     /// Lateral position at a range ahead; none outside the line's extent.
     #[must_use]
     pub fn lateral_m(&self, range_m: f64) -> Option<f64> {
@@ -65,8 +86,13 @@ pub struct Look {
 pub struct SeenFrames {
     /// Usable frames in capture order.
     pub frames: Vec<SeenFrame>,
-    /// Capture times of frames in pixels without a usable camera.
-    pub without_camera_ns: Vec<i64>,
+    /// What was seen in pixels, to be cast anew onto a better known road; `frames` has it on flat
+    /// ground.
+    pub pixels: Option<Pixels>,
+    /// Capture times of frames that cannot be brought into the vehicle frame...
+    pub without_place_ns: Vec<i64>,
+    /// ... and why, of the last of them.
+    pub no_place: String,
 }
 
 impl SeenFrames {
@@ -81,13 +107,38 @@ impl SeenFrames {
             if last_ns.replace(frame.stamp_ns) == Some(frame.stamp_ns) {
                 continue;
             }
-            let stamp_ns = frame.stamp_ns;
-            match seen_lines(frame, camera.as_ref(), tree) {
-                Some(lines) => collected.frames.push(SeenFrame { stamp_ns, lines }),
-                None => collected.without_camera_ns.push(stamp_ns),
-            }
+            collected.add(frame, &camera, tree);
         }
         collected
+    }
+
+    fn add(
+        &mut self,
+        frame: &Stamped<DetectionFrame>,
+        camera: &Result<Camera, NoPlace>,
+        tree: &FrameTree,
+    ) {
+        let stamp_ns = frame.stamp_ns;
+        let lines = match (frame.value.space, camera) {
+            (DetectionSpace::Metres, _) => match lines_in_metres(frame, tree) {
+                Some(lines) => lines,
+                None => return self.lose(stamp_ns, &NoPlace::Circle(frame.frame_id.clone())),
+            },
+            (DetectionSpace::Pixels, Ok(camera)) => {
+                let pixels = self
+                    .pixels
+                    .get_or_insert_with(|| Pixels::new(camera.clone()));
+                pixels.add(frame);
+                pixels.lines(stamp_ns, camera, &Surface::FLAT)
+            }
+            (DetectionSpace::Pixels, Err(error)) => return self.lose(stamp_ns, error),
+        };
+        self.frames.push(SeenFrame { stamp_ns, lines });
+    }
+
+    fn lose(&mut self, stamp_ns: i64, why: &NoPlace) {
+        self.without_place_ns.push(stamp_ns);
+        self.no_place = why.to_string();
     }
 }
 
@@ -113,52 +164,42 @@ pub fn place(
     (looks, without_pose_ns)
 }
 
+/// Why frames have no place in the vehicle frame.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NoPlace {
+    /// No calibration was recorded.
+    #[error("the log has no camera calibration; record CameraInfo or foxglove.CameraCalibration")]
+    Uncalibrated,
+    /// Transforms lead back to where they began.
+    #[error("the static transforms of the frame `{0}` run in a circle")]
+    Circle(String),
+    /// Its calibration cannot be used.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+}
+
 /// The camera that detections in pixels are of.
-pub(crate) fn camera(recording: &Recording, tree: &FrameTree) -> Option<Camera> {
-    let calibration = recording.calibrations.last()?;
-    let mounting = tree.vehicle_from(&calibration.frame_id)?;
-    Camera::new(&calibration.value, mounting).ok()
+pub(crate) fn camera(recording: &Recording, tree: &FrameTree) -> Result<Camera, NoPlace> {
+    let calibration = recording.calibrations.last();
+    let calibration = calibration.ok_or(NoPlace::Uncalibrated)?;
+    let frame = &calibration.frame_id;
+    let mounting = tree.vehicle_from(frame);
+    let mounting = mounting.ok_or_else(|| NoPlace::Circle(frame.clone()))?;
+    Ok(Camera::new(&calibration.value, mounting)?)
 }
 
-fn seen_lines(
-    frame: &Stamped<DetectionFrame>,
-    camera: Option<&Camera>,
-    tree: &FrameTree,
-) -> Option<Vec<SeenLine>> {
-    let detections = frame.value.detections.iter().enumerate();
-    let lines = detections.filter(|(_, detection)| detection.kind == ElementKind::LaneMarking);
-    match frame.value.space {
-        DetectionSpace::Metres => {
-            let vehicle_from_frame = tree.vehicle_from(&frame.frame_id)?;
-            let place = |[x, y, z]: [f64; 3]| {
-                let point = vehicle_from_frame * Point3::new(x, y, z);
-                Some([point.x, point.y])
-            };
-            Some(lines.filter_map(|line| seen_line(line, place)).collect())
-        }
-        DetectionSpace::Pixels => {
-            let camera = camera?;
-            let place = |[u, v, _]: [f64; 3]| {
-                let [x, y, _] = camera.road_from_pixel([u, v])?;
-                (PIXEL_RANGE_M.0 <= x && x <= PIXEL_RANGE_M.1).then_some([x, y])
-            };
-            Some(lines.filter_map(|line| seen_line(line, place)).collect())
-        }
-    }
+/// The lane markings of a message and their numbers.
+pub(crate) fn lane_markings(frame: &DetectionFrame) -> impl Iterator<Item = (usize, &Detection)> {
+    let detections = frame.detections.iter().enumerate();
+    detections.filter(|(_, detection)| detection.kind == ElementKind::LaneMarking)
 }
 
-/// A detection as a line that runs forward; none if fewer than two points are usable.
-fn seen_line(
-    (number, detection): (usize, &Detection),
-    place: impl Fn([f64; 3]) -> Option<[f64; 2]>,
-) -> Option<SeenLine> {
-    let mut points_m: Vec<[f64; 2]> = detection.points.iter().filter_map(|&p| place(p)).collect();
-    points_m.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    points_m.dedup_by(|b, a| b[0] - a[0] < 1e-6);
-    (points_m.len() >= 2).then_some(SeenLine {
-        detection: number,
-        marking: detection.marking,
-        color: detection.color,
-        points_m,
-    })
+fn lines_in_metres(frame: &Stamped<DetectionFrame>, tree: &FrameTree) -> Option<Vec<SeenLine>> {
+    let vehicle_from_frame = tree.vehicle_from(&frame.frame_id)?;
+    let place = |&[x, y, z]: &[f64; 3]| {
+        let point = vehicle_from_frame * Point3::new(x, y, z);
+        [point.x, point.y]
+    };
+    let line = |line: (usize, &Detection)| SeenLine::new(line, line.1.points.iter().map(place));
+    Some(lane_markings(&frame.value).filter_map(line).collect())
 }

@@ -9,14 +9,17 @@ use crate::clock;
 use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
+use crate::hidden::{Hidden, Traffic};
 use crate::local_map::{LocalMap, Near};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
+use crate::mounting::{self, Mounting};
 use crate::pose::{PoseError, Trajectory};
 use crate::profile::{Profile, profiles};
 use crate::register::{Glance, Registration, register};
 use crate::scale;
 use crate::sight::Sightings;
+use crate::surface::Heights;
 use crate::testify::{Frame, Ledger};
 use crate::visibility::Zone;
 
@@ -43,6 +46,8 @@ pub struct Evidence {
     pub footprints: Vec<Footprint>,
     /// Frames of the chunk's own window.
     pub frames: u64,
+    /// What was found out about the camera's mounting, if detections are in pixels.
+    pub mounting: Option<Mounting>,
     /// What was not used. The file is left empty: the map stage does not know files.
     pub set_aside: Vec<SetAside>,
 }
@@ -77,23 +82,43 @@ pub fn map_chunk_traced(
     let local_frame = Trajectory::anchor(recording)?;
     let trajectory = Trajectory::estimate(recording, &local_frame, &tree)?;
     let SeenFrames {
-        frames,
-        without_camera_ns,
+        mut frames,
+        pixels,
+        without_place_ns,
+        no_place,
     } = SeenFrames::collect(recording, &tree);
     let map = LocalMap::around(&context.map, &local_frame, trajectory.places(), MAP_REACH_M);
+    let heights = Heights::of(&map, &local_frame);
+    let refined = pixels
+        .as_ref()
+        .map(|pixels| mounting::settle(pixels, &mut frames, &trajectory, &map, heights.as_ref()));
     let clock = clock::estimate(&frames, &trajectory, &map);
     let (mut looks, without_pose_ns) = place(frames, &trajectory, clock.lag_ns);
     let mut evidence = Evidence {
-        set_aside: losses(chunk, clock.lag_ns, &without_pose_ns, &without_camera_ns),
+        set_aside: losses(
+            chunk,
+            clock.lag_ns,
+            &without_pose_ns,
+            (&without_place_ns, &no_place),
+        ),
+        mounting: refined.as_ref().map(|(_, mounting)| *mounting),
         ..Evidence::default()
     };
     if looks.is_empty() {
         return Ok(evidence);
     }
+    let casting = refined.as_ref().map(|(casting, _)| casting);
+    if let (Some(casting), Some(pixels)) = (casting, &pixels) {
+        casting.cast(pixels, &mut looks);
+    }
     let mut cross_cuts = cut(&looks, &map);
     let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.mapped)).collect();
     let mut registrations = lay_on_map(&looks, &cross_cuts, &mapped);
-    let factor = scale::estimate(&cross_cuts, &registrations);
+    let mut factor = 1.0;
+    // A camera's mounting is more than the scale to the sides.
+    if casting.is_none() {
+        factor = scale::estimate(&cross_cuts, &registrations);
+    }
     if factor != 1.0 {
         scale::stretch(&mut looks, factor);
         // Only what was seen has moved: the map's cuts stand.
@@ -107,11 +132,16 @@ pub fn map_chunk_traced(
     }
     let zone = Zone::learn(&looks);
 
+    let traffic = Traffic::new(recording, &tree, casting.map(|casting| &casting.camera));
+    let hidden: Vec<Hidden<'_>> = looks
+        .iter()
+        .map(|look| traffic.at(look.pose.stamp_ns))
+        .collect();
     let mut ledger = Ledger::new(chunk.id, &map, &zone);
     let mut sightings = Sightings::default();
     let mut footprints = Footprints::default();
     let ways_m = ways_m(&looks);
-    let seen_areas = areas::seen::collect(recording, &tree, factor);
+    let seen_areas = areas::seen::collect(recording, &tree, casting, factor);
     let mut glimpses: Vec<Glimpse<'_>> = Vec::with_capacity(looks.len());
     let (from_ns, to_ns) = chunk.bounds_ns();
     for (index, look) in looks.iter().enumerate() {
@@ -121,6 +151,7 @@ pub fn map_chunk_traced(
             way_m: ways_m[index],
             is_own: (from_ns..to_ns).contains(&look.pose.stamp_ns),
             is_anchored: false,
+            hidden: &hidden[index],
             areas: seen_areas
                 .get(&look.pose.stamp_ns)
                 .map_or(&[][..], Vec::as_slice),
@@ -134,6 +165,7 @@ pub fn map_chunk_traced(
             cross_cut: &cross_cuts[index],
             registration: registrations[index],
             matches: &matches,
+            hidden: &hidden[index],
         };
         trace(&frame, &map);
         ledger.add(&frame);
@@ -168,7 +200,7 @@ pub fn map_chunk_traced(
 }
 
 /// Lateral positions of all looks.
-fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
+pub(crate) fn cut(looks: &[Look], map: &LocalMap<'_>) -> Vec<CrossCut> {
     let mut near = Near::default();
     looks
         .iter()
@@ -218,7 +250,7 @@ fn losses(
     chunk: &Chunk,
     lag_ns: i64,
     without_pose_ns: &[i64],
-    without_camera_ns: &[i64],
+    (without_place_ns, no_place): (&[i64], &str),
 ) -> Vec<SetAside> {
     let (from_ns, to_ns) = chunk.bounds_ns();
     let loss = |kind: SetAsideKind, stamps: &[i64], reason: String| {
@@ -241,9 +273,8 @@ fn losses(
         ),
         loss(
             SetAsideKind::Frame,
-            without_camera_ns,
-            "detections are in pixels, and the log has no usable camera calibration and mounting for them"
-                .to_owned(),
+            without_place_ns,
+            format!("detections cannot be brought into the vehicle frame: {no_place}"),
         ),
     ]
     .into_iter()

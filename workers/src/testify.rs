@@ -6,22 +6,22 @@ use std::collections::BTreeMap;
 use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
 use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
 use tilefold_tiler::map_index::MappedElement;
-use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::station::section_of;
 
 use crate::cuts::{CrossCut, Cut, CutLine};
+use crate::hidden::Hidden;
 use crate::local_map::{LocalLine, LocalMap};
 use crate::look::Look;
 use crate::matching::{IN_PLACE_M, Match, Matches};
 use crate::register::Registration;
-use crate::visibility::Zone;
+use crate::visibility::{Visibility, Zone};
 
 /// Length of a section in metres (S in method.md, section 1).
 pub const SECTION_M: f64 = 10.0;
 /// Frames whose registration is less sure than this testify nothing.
 pub const MIN_CONFIDENCE: f64 = 0.3;
 /// A section less visible than this was not exposed.
-const MIN_VISIBILITY: f64 = 0.05;
+pub(crate) const MIN_VISIBILITY: f64 = 0.05;
 /// The paper's v_min: exposures below it enter none of its sums.
 const PAPER_MIN_VISIBILITY: f64 = 0.7;
 /// Noise of one lateral residual apart from registration, in metres.
@@ -38,6 +38,8 @@ pub struct Frame<'a> {
     pub registration: Registration,
     /// Which seen line is which map line.
     pub matches: &'a Matches,
+    /// What it could not see.
+    pub hidden: &'a Hidden<'a>,
 }
 
 impl Frame<'_> {
@@ -77,10 +79,9 @@ impl<'a> Ledger<'a> {
             return;
         }
         for (index, mapped) in frame.cross_cut.mapped.iter().enumerate() {
-            let lateral_m = mapped.lateral_m() - frame.registration.offset_m;
-            let visibility = self.zone.share(mapped)
-                * side_visibility(lateral_m)
-                * frame.registration.confidence;
+            let offset_m = frame.registration.offset_m;
+            let seen = Visibility::of(mapped, offset_m, self.zone, frame.hidden);
+            let visibility = seen.product() * frame.registration.confidence;
             if visibility < MIN_VISIBILITY {
                 continue;
             }

@@ -1,6 +1,6 @@
 //! foxglove.ImageAnnotations: detections in pixels of the raw image.
 //!
-//! Every annotation drawn as lines is a detection. Metadata of the annotation overrides that of
+//! Every annotation drawn as lines is a detection, or the outline of another vehicle. Metadata of the annotation overrides that of
 //! the message. A message without annotations is an empty frame: looked, and saw nothing.
 
 use foxglove::messages::points_annotation::Type;
@@ -16,6 +16,7 @@ use super::detection::{Attributes, Frames, Shape};
 use super::error::DecodeError;
 use super::protobuf::{decode, to_stamp};
 use super::sound;
+use super::vehicles::{Vehicles, is_vehicle};
 use super::wire::Level;
 
 const POINTS: u64 = 2;
@@ -41,17 +42,20 @@ pub(crate) fn image_annotations(
     let message: ImageAnnotations = decode(bytes, "foxglove.ImageAnnotations", LEVELS)?;
     let stamp_ns = to_stamp(message.timestamp)?;
     let mut frames = Frames::new(DetectionSpace::Pixels);
+    let mut vehicles = Vehicles::new(DetectionSpace::Pixels);
     let mut is_about_others = !message.circles.is_empty();
     for annotation in &message.points {
         let metadata = message.metadata.iter().chain(&annotation.metadata);
         let pairs = metadata.map(|pair| (pair.key.as_str(), pair.value.as_str()));
-        let Some(attributes) = Attributes::read(pairs)? else {
+        let stamp = || stamp_ns.map_or_else(|| to_stamp(annotation.timestamp), |ns| Ok(Some(ns)));
+        let Some(attributes) = Attributes::read(pairs.clone())? else {
             is_about_others = true;
+            if is_vehicle(pairs) && shape_of(annotation).is_some() {
+                vehicles.add(stamp()?, "", pixels(annotation)?)?;
+            }
             continue;
         };
-        let stamp_ns =
-            stamp_ns.map_or_else(|| to_stamp(annotation.timestamp), |ns| Ok(Some(ns)))?;
-        let at = frames.open(stamp_ns, "");
+        let at = frames.open(stamp()?, "");
         match shape_of(annotation) {
             Some(shape) => frames.add(at, &attributes, shape, pixels(annotation)?)?,
             None => frames.lose_not_line(),
@@ -60,6 +64,7 @@ pub(crate) fn image_annotations(
     if frames.is_empty() && !is_about_others {
         frames.open(stamp_ns, "");
     }
+    vehicles.finish(decoded);
     Ok(frames.finish(decoded))
 }
 

@@ -213,7 +213,7 @@ impl Frames {
     }
 }
 
-fn check_count(what: &'static str, got: usize, limit: usize) -> Result<(), DecodeError> {
+pub(super) fn check_count(what: &'static str, got: usize, limit: usize) -> Result<(), DecodeError> {
     if got > limit {
         return Err(DecodeError::TooMany { what, got, limit });
     }

@@ -2,7 +2,7 @@
 //!
 //! Every line of an entity is a detection, moved by the line's pose into the entity's frame. An
 //! update without entities is an empty frame: looked, and saw nothing. An update that only speaks
-//! of other things, such as cars, says nothing.
+//! of other things says nothing of lines; boxes of other vehicles are kept as such.
 
 use foxglove::messages::line_primitive::Type;
 use foxglove::messages::{LinePrimitive, Point3, Pose, SceneEntity, SceneUpdate};
@@ -17,6 +17,7 @@ use super::detection::{Attributes, Frames, Shape};
 use super::error::DecodeError;
 use super::protobuf::{decode, to_pose, to_stamp};
 use super::sound;
+use super::vehicles::{Vehicles, is_vehicle};
 use super::wire::Level;
 
 const ENTITIES: u64 = 2;
@@ -48,13 +49,19 @@ pub(crate) fn scene_update(
 ) -> Result<Option<Loss>, DecodeError> {
     let scene: SceneUpdate = decode(bytes, "foxglove.SceneUpdate", LEVELS)?;
     let mut frames = Frames::new(DetectionSpace::Metres);
+    let mut vehicles = Vehicles::new(DetectionSpace::Metres);
     let mut is_about_others = false;
     for entity in &scene.entities {
         let metadata = entity.metadata.iter();
         let pairs = metadata.map(|pair| (pair.key.as_str(), pair.value.as_str()));
-        match Attributes::read(pairs)? {
+        match Attributes::read(pairs.clone())? {
             Some(attributes) => add_entity(&mut frames, entity, &attributes)?,
-            None => is_about_others |= !entity.lines.is_empty() || has_solids(entity),
+            None => {
+                is_about_others |= !entity.lines.is_empty() || has_solids(entity);
+                if is_vehicle(pairs) {
+                    add_vehicle(&mut vehicles, entity)?;
+                }
+            }
         }
     }
     if frames.is_empty() && !is_about_others {
@@ -62,6 +69,7 @@ pub(crate) fn scene_update(
         let stamp_ns = to_stamp(first.and_then(|entity| entity.timestamp))?;
         frames.open(stamp_ns, first.map_or("", |entity| &entity.frame_id));
     }
+    vehicles.finish(decoded);
     Ok(frames.finish(decoded))
 }
 
@@ -85,6 +93,28 @@ fn add_entity(
     Ok(())
 }
 
+/// The corners of a vehicle's boxes.
+fn add_vehicle(vehicles: &mut Vehicles, entity: &SceneEntity) -> Result<(), DecodeError> {
+    let stamp_ns = to_stamp(entity.timestamp)?;
+    for cube in &entity.cubes {
+        let pose = cube.pose.map(line_pose).transpose()?.flatten();
+        let Some(size) = cube.size else {
+            continue;
+        };
+        let corners = (0..8_u32).map(|corner| {
+            let side = |bit: u32, length: f64| {
+                let sign = if corner >> bit & 1 == 1 { 0.5 } else { -0.5 };
+                sign * length
+            };
+            let corner = [side(0, size.x), side(1, size.y), side(2, size.z)];
+            within_reach(move_point(corner, pose.as_ref()))
+        });
+        let corners = corners.collect::<Result<_, _>>()?;
+        vehicles.add(stamp_ns, &entity.frame_id, corners)?;
+    }
+    Ok(())
+}
+
 /// Whether an entity draws anything but lines and labels.
 fn has_solids(entity: &SceneEntity) -> bool {
     !(entity.arrows.is_empty()
@@ -98,20 +128,8 @@ fn has_solids(entity: &SceneEntity) -> bool {
 /// The points of a line in its entity's frame, in metres, in the order that its indices give.
 fn line_points(line: &LinePrimitive) -> Result<Vec<[f64; 3]>, DecodeError> {
     let pose = line.pose.map(line_pose).transpose()?.flatten();
-    let place = |point: &Point3| {
-        let moved = move_point([point.x, point.y, point.z], pose.as_ref());
-        match moved
-            .iter()
-            .find(|value| !sound::is_within(**value, MAX_DETECTION_POINT_M))
-        {
-            Some(value) => Err(sound::value_error(
-                "point in metres",
-                *value,
-                "at most 1e8 either way",
-            )),
-            None => Ok(moved),
-        }
-    };
+    let place =
+        |point: &Point3| within_reach(move_point([point.x, point.y, point.z], pose.as_ref()));
     if line.indices.is_empty() {
         return line.points.iter().map(place).collect();
     }
@@ -126,6 +144,18 @@ fn line_points(line: &LinePrimitive) -> Result<Vec<[f64; 3]>, DecodeError> {
             place(point.ok_or_else(wrong)?)
         });
     indexed.collect()
+}
+
+fn within_reach(point: [f64; 3]) -> Result<[f64; 3], DecodeError> {
+    let is_far = |value: &&f64| !sound::is_within(**value, MAX_DETECTION_POINT_M);
+    match point.iter().find(is_far) {
+        Some(value) => Err(sound::value_error(
+            "point in metres",
+            *value,
+            "at most 1e8 either way",
+        )),
+        None => Ok(point),
+    }
 }
 
 /// A line's pose; `None` if it moves nothing, so that points then stay bit for bit.

@@ -28,6 +28,7 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
         Payload::Imu(_) => Err(lacking("an inertial measurement")),
         Payload::Odometry(_) => Err(lacking("odometry")),
         Payload::Detections(_) => Err(lacking("detections here")),
+        Payload::Vehicles(_) => Err(lacking("other vehicles")),
     }
 }
 

@@ -35,12 +35,8 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
         Payload::Transforms { transforms, .. } => tf_message(&mut cdr, entry, transforms)?,
         Payload::Calibration(calibration) => camera_info(&mut cdr, entry, calibration)?,
         Payload::Image(image) => compressed_image(&mut cdr, entry, image)?,
-        Payload::Detections(_) => {
-            return Err(LogWriteError::Payload {
-                dialect: super::Dialect::Ros2,
-                payload: "detections",
-            });
-        }
+        Payload::Detections(_) => return Err(lacking("detections")),
+        Payload::Vehicles(_) => return Err(lacking("other vehicles")),
     };
     Ok(Encoded {
         schema,
@@ -49,6 +45,13 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
         message_encoding: "cdr",
         bytes: cdr.into_bytes(),
     })
+}
+
+fn lacking(payload: &'static str) -> LogWriteError {
+    LogWriteError::Payload {
+        dialect: super::Dialect::Ros2,
+        payload,
+    }
 }
 
 /// Name and definition of a message.

@@ -485,6 +485,84 @@ fn looked_and_saw_nothing_is_not_the_same_as_saw_something_else() {
 }
 
 #[test]
+fn boxes_of_vehicles_are_vehicles_beside_what_else_a_scene_says() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let cube = fg::CubePrimitive {
+        pose: Some(fg::Pose {
+            position: Some(fg::Vector3 {
+                x: 10.0,
+                y: 2.0,
+                z: 0.75,
+            }),
+            // A quarter turn to the left: its length lies across.
+            orientation: Some(fg::Quaternion {
+                x: 0.0,
+                y: 0.0,
+                z: half,
+                w: half,
+            }),
+        }),
+        size: Some(fg::Vector3 {
+            x: 4.0,
+            y: 1.8,
+            z: 1.5,
+        }),
+        ..Default::default()
+    };
+    let truck = fg::SceneEntity {
+        cubes: vec![cube],
+        ..entity(&[("class", "Truck")], vec![])
+    };
+    let lane = entity(
+        &[("class", "lane_marking")],
+        vec![line(&[[0.0; 3], [1.0; 3]])],
+    );
+    let (messages, report) = read_one(scene(vec![truck, lane]));
+    assert_eq!((messages.len(), report.set_aside.len()), (2, 0));
+    let Payload::Vehicles(frame) = &messages[0].payload else {
+        panic!("{:?}", messages[0])
+    };
+    assert_eq!(
+        (frame.space, frame.vehicles.len()),
+        (DetectionSpace::Metres, 1)
+    );
+    let bounds = |axis: usize| {
+        let values = frame.vehicles[0].iter().map(|corner| corner[axis]);
+        let low = values.clone().fold(f64::INFINITY, f64::min);
+        (low, values.fold(f64::NEG_INFINITY, f64::max))
+    };
+    for (axis, expected) in [(9.1, 10.9), (0.0, 4.0), (0.0, 1.5)]
+        .into_iter()
+        .enumerate()
+    {
+        let (low, high) = bounds(axis);
+        assert!((low - expected.0).abs() < 1e-9 && (high - expected.1).abs() < 1e-9);
+    }
+    assert!(
+        matches!(&messages[1].payload, Payload::Detections(frame) if frame.detections.len() == 1)
+    );
+}
+
+#[test]
+fn outlines_of_vehicles_in_an_image_are_vehicles() {
+    use fg::points_annotation::Type;
+    let corners = [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]];
+    let car = annotation(&[("class", "car")], Type::LineLoop, &corners);
+    let message = foxglove(
+        "foxglove.ImageAnnotations",
+        &fg::ImageAnnotations {
+            points: vec![car],
+            ..Default::default()
+        },
+    );
+    let Payload::Vehicles(frame) = message.payload else {
+        panic!()
+    };
+    assert_eq!(frame.space, DetectionSpace::Pixels);
+    assert_eq!(frame.vehicles[0][2], [9.0, 9.0, 0.0]);
+}
+
+#[test]
 fn entities_of_several_times_are_several_frames() {
     let lane = [("class", "lane_marking")];
     let lines = vec![line(&[[0.0; 3], [1.0; 3]])];

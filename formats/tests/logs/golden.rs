@@ -175,6 +175,6 @@ fn numbers(payload: &Payload) -> Vec<f64> {
                 .flat_map(|detection| &detection.points);
             points.flat_map(|point| point[..axes].to_vec()).collect()
         }
-        Payload::Odometry(_) => Vec::new(),
+        Payload::Odometry(_) | Payload::Vehicles(_) => Vec::new(),
     }
 }

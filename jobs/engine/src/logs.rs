@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
-use tilefold_schemas::log::{DetectionSpace, LogMessage};
+use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
 use tilefold_schemas::{SetAside, SetAsideKind};
 use tilefold_tiler::chunk::{CONTEXT_NS, window_bounds_ns, window_of};
 use tilefold_tiler::recording::Recording;
@@ -236,7 +236,8 @@ impl Unit {
                 return;
             }
             let topic = &log.topics[message.topic];
-            if matches!(topic.kind, TopicKind::Detections(_)) {
+            // Vehicles hide lines from every channel.
+            if matches!(message.payload, Payload::Detections(_)) {
                 unit.channels
                     .entry(topic.name.clone())
                     .or_default()

@@ -8,9 +8,8 @@ use tilefold_schemas::{ElementKind, SignClass};
 use tilefold_tiler::recording::{Recording, Stamped};
 
 use super::shape;
-use crate::camera::Camera;
 use crate::frames::FrameTree;
-use crate::look::{PIXEL_RANGE_M, camera};
+use crate::pixels::Casting;
 
 /// An area that was seen in a frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,28 +40,28 @@ impl SeenArea {
     }
 }
 
-/// Areas of all frames, by stamp. `stretch` is the lateral scale of the detector.
+/// Areas of all frames, by stamp; those in pixels as `casting` has them. `stretch` is the lateral scale of the detector.
 #[must_use]
 pub fn collect(
     recording: &Recording,
     tree: &FrameTree,
+    casting: Option<&Casting>,
     stretch: f64,
 ) -> BTreeMap<i64, Vec<SeenArea>> {
-    let camera = camera(recording, tree);
     let mut areas = BTreeMap::new();
     for frame in &recording.detections {
         // Of two frames with one stamp the first stands, as for lines.
         areas
             .entry(frame.stamp_ns)
-            .or_insert_with(|| seen_areas(frame, camera.as_ref(), tree, stretch));
+            .or_insert_with(|| seen_areas(frame, tree, casting, stretch));
     }
     areas
 }
 
 fn seen_areas(
     frame: &Stamped<DetectionFrame>,
-    camera: Option<&Camera>,
     tree: &FrameTree,
+    casting: Option<&Casting>,
     stretch: f64,
 ) -> Vec<SeenArea> {
     let vehicle_from_frame = tree.vehicle_from(&frame.frame_id);
@@ -71,10 +70,7 @@ fn seen_areas(
             let point = vehicle_from_frame? * Point3::new(x, y, z);
             Some([point.x, point.y])
         }
-        DetectionSpace::Pixels => {
-            let [x, y, _] = camera?.road_from_pixel([x, y])?;
-            (PIXEL_RANGE_M.0 <= x && x <= PIXEL_RANGE_M.1).then_some([x, y])
-        }
+        DetectionSpace::Pixels => casting?.road_from_pixel(frame.stamp_ns, [x, y]),
     };
     let area = |detection: &Detection| {
         // An outline of which a corner has no place is not the thing's outline.

@@ -11,6 +11,7 @@ use super::pair::{ACROSS_GATE_M, ALONG_GATE_M, LANES_GATE_M, Pair, is_aside};
 use super::seen::SeenArea;
 use super::zone::AreaZone;
 use super::{Glimpse, Whose};
+use crate::footprint::open_road;
 use crate::sight::round_e9;
 
 /// A sighting in this many frames is one.
@@ -260,7 +261,7 @@ impl AreaFootprints {
         }
         if let Some(sample) = self.samples.last_mut() {
             sample.frames += 1;
-            sample.sum_v += glimpse.registration.confidence;
+            sample.sum_v += glimpse.registration.confidence * open_road(glimpse.hidden);
         }
     }
 

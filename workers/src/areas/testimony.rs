@@ -11,7 +11,7 @@ use super::mapped::{LocalArea, vehicle_from_local};
 use super::pair::{LANE_GATE_M, Pair, is_aside, is_other_class};
 use super::zone::AreaZone;
 use crate::matching::IN_PLACE_M;
-use crate::testify::{Opinion, empty_row, expose, paper_sums};
+use crate::testify::{MIN_VISIBILITY, Opinion, empty_row, expose, paper_sums};
 
 /// Noise of a place across the way, in metres, and its growth per metre ahead: yaw.
 const NEAR_SIGMA_M: f64 = 0.1;
@@ -88,7 +88,12 @@ impl<'a> AreaLedger<'a> {
             if !self.is_exposed(glimpse, local, ahead) {
                 continue;
             }
-            let visibility = glimpse.registration.confidence;
+            let outline = corners(glimpse, local, ahead).map(|[x, y]| [x, y, 0.0]);
+            let open_share = glimpse.hidden.open_share(outline);
+            let visibility = glimpse.registration.confidence * open_share;
+            if visibility < MIN_VISIBILITY {
+                continue;
+            }
             let pair = pairs.iter().find(|pair| pair.mapped == index);
             if pair.is_none() && is_perhaps_aside(glimpse, local, pairs) {
                 continue;
@@ -107,12 +112,8 @@ impl<'a> AreaLedger<'a> {
     }
 
     fn is_exposed(&self, glimpse: &Glimpse<'_>, local: &LocalArea<'_>, ahead: Ahead) -> bool {
-        let pose = &glimpse.look.pose;
-        let corners = local.points_m.iter().map(|&point| {
-            let [x, y] = vehicle_from_local(pose, point);
-            [x - ahead.offset_m, y - glimpse.registration.offset_m]
-        });
-        local.is_readable(pose.yaw_rad) && self.zone.shows(corners, ahead.sigma_m)
+        let corners = corners(glimpse, local, ahead);
+        local.is_readable(glimpse.look.pose.yaw_rad) && self.zone.shows(corners, ahead.sigma_m)
     }
 
     /// The rows, by element.
@@ -120,6 +121,18 @@ impl<'a> AreaLedger<'a> {
     pub fn into_rows(self) -> Vec<EvidenceRow> {
         self.rows.into_values().collect()
     }
+}
+
+/// The outline of an area where the frame has it, in the vehicle frame.
+fn corners<'a>(
+    glimpse: &'a Glimpse<'_>,
+    local: &'a LocalArea<'_>,
+    ahead: Ahead,
+) -> impl Iterator<Item = [f64; 2]> + 'a {
+    local.points_m.iter().map(move |&point| {
+        let [x, y] = vehicle_from_local(&glimpse.look.pose, point);
+        [x - ahead.offset_m, y - glimpse.registration.offset_m]
+    })
 }
 
 /// Whether something unexplained was seen where a registration wrong by a lane would put this.
