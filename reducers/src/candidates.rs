@@ -12,15 +12,16 @@ use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use tilefold_schemas::{ChangeRecord, ElementKind, Footprint, Sighting, Verdict, fixed, wkb};
 use tilefold_tiler::geodesy::LocalFrame;
-use tilefold_tiler::map_index::{MapIndex, bounds};
+use tilefold_tiler::map_index::{MapIndex, MappedElement, bounds};
 use tilefold_tiler::side::side_visibility;
-use tilefold_tiler::station::Polyline;
+use tilefold_tiler::station::{Polyline, Projection};
 use tilefold_tiler::tile::tile_of;
 
 use crate::calibrated::CONTAMINATION;
 use crate::chain;
 use crate::elements::{SECTION_M, round_degrees};
 use crate::fold::Fold;
+use crate::moved::{self, Gone};
 
 /// Sightings whose boxes come this near belong to one component, in degrees (about 5 m).
 const TOUCH_DEG: f64 = 5e-5;
@@ -42,6 +43,8 @@ const PRIOR_ADDED: f64 = 0.02;
 const WORTH: f64 = 1.0 / 3.0;
 /// Paint this near to a mapped line is no line of its own, in metres: no lane is narrower.
 const BESIDE_M: f64 = 1.9;
+/// Nearer than this it is the mapped line even where another one is gone, in metres.
+const CLOSE_M: f64 = 1.1;
 /// A candidate is at least this long, in metres: clutter runs along with a vehicle for a while.
 const MIN_LENGTH_M: f64 = 35.0;
 /// A footprint shows a place if it is in its range widened by half a sample, in metres.
@@ -74,10 +77,11 @@ pub fn judge(
     sightings: &[Sighting],
     footprints: &[Footprint],
     map: &MapIndex,
+    gone: &Gone,
     tile_level: u32,
     fold: &Fold,
 ) -> Vec<ChangeRecord> {
-    let looks = LookIndex::new(footprints, map);
+    let looks = LookIndex::new(footprints, map, gone);
     let mut records: Vec<ChangeRecord> = components(sightings)
         .into_iter()
         .flat_map(|component| judge_component(&component, &looks, tile_level, fold))
@@ -403,11 +407,12 @@ fn use_up(line: &Followed, tree: &VertexTree, vertices: &[Vertex], free: &mut [b
 struct LookIndex<'a> {
     footprints: &'a [Footprint],
     map: &'a MapIndex,
+    gone: &'a Gone,
     tree: RTree<GeomWithData<[f64; 2], usize>>,
 }
 
 impl<'a> LookIndex<'a> {
-    fn new(footprints: &'a [Footprint], map: &'a MapIndex) -> Self {
+    fn new(footprints: &'a [Footprint], map: &'a MapIndex, gone: &'a Gone) -> Self {
         let places = footprints
             .iter()
             .enumerate()
@@ -416,28 +421,45 @@ impl<'a> LookIndex<'a> {
         Self {
             footprints,
             map,
+            gone,
             tree: RTree::bulk_load(places.collect()),
         }
     }
 
-    /// Whether a mapped line runs so near to a place that paint there is that line, moved or seen
-    /// double.
+    /// Whether a mapped line runs so near to a place that paint there is that line, moved a little or
+    /// seen double. Where a line is gone beside the place, the paint may be that line, moved: then
+    /// other lines may be as near as moved lines come to them.
     fn is_beside_mapped(&self, place: [f64; 2], frame: &LocalFrame) -> bool {
+        let (mut nearest_m, mut is_gone_beside) = (f64::INFINITY, false);
+        for (element, at) in self.lines_around(place, frame) {
+            if self.gone.is_gone(element, at.station_m) {
+                is_gone_beside |= at.distance_m <= moved::REACH_M;
+            } else {
+                nearest_m = nearest_m.min(at.distance_m);
+            }
+        }
+        nearest_m <= if is_gone_beside { CLOSE_M } else { BESIDE_M }
+    }
+
+    /// Mapped lines around a place, and where it lies on them.
+    fn lines_around(&self, place: [f64; 2], frame: &LocalFrame) -> Vec<(i64, Projection)> {
         let reach = |sign: f64| {
-            let corner = place.map(|value| value + sign * BESIDE_M);
+            let corner = place.map(|value| value + sign * moved::REACH_M);
             let [lon, lat, _] = frame.to_wgs84([corner[0], corner[1], 0.0]);
             [lon, lat]
         };
         let around = self.map.within(reach(-1.0), reach(1.0));
-        let lines = around
-            .iter()
-            .filter(|mapped| mapped.element.kind == ElementKind::LaneMarking);
-        lines.into_iter().any(|mapped| {
+        let project = |mapped: &&MappedElement| {
             let points = mapped.element.points.iter();
             let plane = points.map(|&[lon, lat, _]| frame.to_enu([lon, lat, 0.0]));
-            let line = Polyline::new(plane.collect::<Vec<_>>());
-            line.is_ok_and(|line| line.project(place).distance_m <= BESIDE_M)
-        })
+            let line = Polyline::new(plane.collect::<Vec<_>>()).ok()?;
+            Some((mapped.element.id.0, line.project(place)))
+        };
+        around
+            .iter()
+            .filter(|mapped| mapped.element.kind == ElementKind::LaneMarking)
+            .filter_map(project)
+            .collect()
     }
 
     /// How well each vehicle looked at a place: its best sample.

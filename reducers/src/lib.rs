@@ -16,6 +16,7 @@ pub mod fit;
 pub mod fold;
 mod lines;
 mod markings;
+pub mod moved;
 pub mod paper;
 pub mod passes;
 pub mod reduce_tile;

@@ -1,18 +1,18 @@
 //! `init`: a store from a base map.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use tilefold_reducers::{Fold, FusionModel, SensorModel};
-use tilefold_schemas::{SetAside, TileId};
+use tilefold_schemas::SetAside;
 use tilefold_store::{Parameters, Store, StoreProperties, digest_rows};
+use tilefold_tiler::map_index::MapIndex;
 
 use crate::base_map;
 use crate::error::EngineError;
 use crate::meter::Meter;
 use crate::progress::Silent;
-use crate::reduce_job::reduce_tiles;
+use crate::reduce_job::{Reduce, owners};
 
 /// How a store is made.
 #[derive(Debug, Clone)]
@@ -71,17 +71,18 @@ pub fn init(
         .cloned()
         .map(|row| base_map::from_row(row, tile_level))
         .collect::<Result<Vec<_>, _>>()?;
-    let tiles: BTreeSet<TileId> = elements.iter().map(|element| element.tile).collect();
+    let tiles = owners(&elements);
     let fold = Fold::of_fleet(FusionModel::default(), SensorModel::default());
-    let layers = reduce_tiles(
-        &tiles,
-        &elements,
-        &[],
-        &[],
-        &fold,
-        &Meter::default(),
-        &Silent,
-    )?;
+    let nothing = Reduce {
+        map: &MapIndex::new(elements),
+        tile_level,
+        sightings: &[],
+        footprints: &[],
+        fold: &fold,
+        meter: &Meter::default(),
+        progress: &Silent,
+    };
+    let layers = nothing.layers(&tiles, |_| Ok(Vec::new()))?;
 
     let store = Store::create(location.to_path_buf(), properties)?;
     let mut transaction = store.begin()?;

@@ -7,8 +7,7 @@ use serde::Serialize;
 use tilefold_reducers::{Fold, FusionModel};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
-    ChangeRecord, ChunkId, ChunkRow, EvidenceRow, Footprint, LayerHeader, SetAside, Sighting,
-    TileId, VehicleKey,
+    ChunkId, ChunkRow, EvidenceRow, Footprint, LayerHeader, SetAside, Sighting, TileId, VehicleKey,
 };
 use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
@@ -21,7 +20,7 @@ use crate::logs::Catalogue;
 use crate::map_job::{KnownChunks, MapOutput, map_units};
 use crate::meter::{Meter, Stage, StageReport};
 use crate::progress::Progress;
-use crate::reduce_job::{Layer, additions, reduce_tiles};
+use crate::reduce_job::{Layer, Reduce};
 
 /// What a run did.
 #[derive(Debug, Clone, Serialize)]
@@ -257,36 +256,29 @@ impl Update<'_> {
         chunks.extend(kept);
         transaction.overwrite(chunks)?;
 
-        let additions = self.meter.time(Stage::Reduce, || {
-            additions(
-                &sightings,
-                &footprints,
-                self.map,
-                self.tile_level,
-                self.fold,
-            )
-        });
-        let tiles = self.dirty_tiles(&base, &touched, &additions)?;
-        let rows = self.rows_of(&base, &tiles, &touched, rows)?;
-        let layers = reduce_tiles(
-            &tiles,
-            self.map.elements(),
-            &rows,
-            &additions,
-            self.fold,
-            self.meter,
-            self.progress,
-        )?;
-        self.progress.begin(Stage::Commit, tiles.len() as u64);
+        let tiles = self.dirty_tiles(&base, &touched)?;
+        let reduce = Reduce {
+            map: self.map,
+            tile_level: self.tile_level,
+            sightings: &sightings,
+            footprints: &footprints,
+            fold: self.fold,
+            meter: self.meter,
+            progress: self.progress,
+        };
+        let layers = reduce.layers(&tiles, |tiles| self.rows_of(&base, tiles, &touched, &rows))?;
+        let layers = self.changed(&base, layers)?;
+        let count = layers.len();
+        self.progress.begin(Stage::Commit, count as u64);
         let version = self.meter.time(Stage::Commit, || {
-            write_layers(&mut transaction, &tiles, layers)?;
+            write_layers(&mut transaction, layers)?;
             let model = self.fold.model.name().to_owned();
             let parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
             Ok::<_, EngineError>(transaction.commit(operation, parameters)?)
         })?;
-        self.meter.count(Stage::Commit, tiles.len() as u64, 0);
+        self.meter.count(Stage::Commit, count as u64, 0);
         self.progress.end(Stage::Commit);
-        Ok((version, tiles.len()))
+        Ok((version, count))
     }
 
     /// Whether layers were made with another model than the one asked for.
@@ -334,78 +326,63 @@ impl Update<'_> {
         Ok(all)
     }
 
-    /// Tiles with new evidence, with other additions than before, or with another model's layer.
+    /// Tiles with new evidence, with additions, or with another model's layer.
     fn dirty_tiles(
         &self,
         base: &Snapshot,
         touched: &BTreeSet<TileId>,
-        additions: &[ChangeRecord],
     ) -> Result<BTreeSet<TileId>, EngineError> {
-        let mut before: BTreeMap<TileId, Vec<ChangeRecord>> = BTreeMap::new();
-        let records: Vec<ChangeRecord> = base.read(TileFilter::All)?;
-        for record in records
-            .into_iter()
-            .filter(|record| record.element.is_none())
-        {
-            before.entry(TileId(record.tile)).or_default().push(record);
-        }
-        let mut now: BTreeMap<TileId, Vec<ChangeRecord>> = BTreeMap::new();
-        for record in additions {
-            now.entry(TileId(record.tile))
-                .or_default()
-                .push(record.clone());
-        }
-        before
-            .values_mut()
-            .chain(now.values_mut())
-            .for_each(|records| {
-                records.sort_by_key(|record| record.change);
-            });
-        let moved = before
-            .keys()
-            .chain(now.keys())
-            .filter(|tile| before.get(tile) != now.get(tile));
         let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        let other_model = headers.iter().filter(|header| self.is_other_model(header));
-        Ok(touched
+        let others = headers
             .iter()
-            .copied()
-            .chain(moved.copied())
-            .chain(other_model.map(|header| TileId(header.tile)))
-            .collect())
+            .filter(|header| header.added > 0 || self.is_other_model(header))
+            .map(|header| TileId(header.tile));
+        Ok(touched.iter().copied().chain(others).collect())
     }
 
-    /// Ledger rows of dirty tiles: those at hand, and the store's for tiles that were not touched.
+    /// The layers that are not in the store as they are.
+    fn changed(&self, base: &Snapshot, layers: Vec<Layer>) -> Result<Vec<Layer>, EngineError> {
+        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
+        let known: BTreeMap<i32, LayerHeader> = headers
+            .into_iter()
+            .map(|header| (header.tile, header))
+            .collect();
+        let is_new = |layer: &Layer| known.get(&layer.header.tile) != Some(&layer.header);
+        Ok(layers.into_iter().filter(is_new).collect())
+    }
+
+    /// Ledger rows of tiles: those at hand of touched ones, and the store's of others.
     fn rows_of(
         &self,
         base: &Snapshot,
         tiles: &BTreeSet<TileId>,
         touched: &BTreeSet<TileId>,
-        mut rows: Vec<EvidenceRow>,
+        at_hand: &[EvidenceRow],
     ) -> Result<Vec<EvidenceRow>, EngineError> {
+        let of_tiles = at_hand
+            .iter()
+            .filter(|row| tiles.contains(&TileId(row.tile)));
+        let mut rows: Vec<EvidenceRow> = of_tiles.cloned().collect();
         let others: BTreeSet<TileId> = tiles.difference(touched).copied().collect();
         if !others.is_empty() {
             let stored: Vec<EvidenceRow> = base.read(TileFilter::Tiles(&others))?;
-            rows.extend(
-                stored
-                    .into_iter()
-                    .filter(|row| others.contains(&TileId(row.tile))),
-            );
+            let of_others = |row: &EvidenceRow| others.contains(&TileId(row.tile));
+            rows.extend(stored.into_iter().filter(of_others));
         }
         Ok(rows)
     }
 }
 
-fn write_layers(
-    transaction: &mut Transaction,
-    tiles: &BTreeSet<TileId>,
-    layers: Vec<Layer>,
-) -> Result<(), EngineError> {
+fn write_layers(transaction: &mut Transaction, layers: Vec<Layer>) -> Result<(), EngineError> {
+    let tiles: BTreeSet<TileId> = layers
+        .iter()
+        .map(|layer| TileId(layer.header.tile))
+        .collect();
     let (headers, records): (Vec<_>, Vec<_>) = layers
         .into_iter()
         .map(|layer| (layer.header, layer.records))
         .unzip();
-    transaction.replace_tiles(tiles, records.into_iter().flatten().collect())?;
-    transaction.replace_tiles(tiles, headers)?;
+    transaction.replace_tiles(&tiles, records.into_iter().flatten().collect())?;
+    transaction.replace_tiles(&tiles, headers)?;
     Ok(())
 }

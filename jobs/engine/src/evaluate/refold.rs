@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use tilefold_reducers::moved::{self, Gone};
 use tilefold_reducers::{Fold, FusionModel, SensorModel, candidates, elements};
 use tilefold_schemas::{ChangeRecord, EvidenceRow, Footprint, LayerHeader, Sighting, TileId};
 use tilefold_store::{Snapshot, TileFilter};
@@ -12,7 +13,7 @@ use crate::calibrate;
 use crate::error::EngineError;
 use crate::meter::Meter;
 use crate::progress::Silent;
-use crate::reduce_job::{additions, reduce_tiles};
+use crate::reduce_job::{Reduce, owners};
 use crate::run::read_elements;
 
 /// A version's layers, and the evidence that they were made from.
@@ -68,26 +69,23 @@ impl Refold {
             return Ok(self.records.clone());
         }
         let fold = Fold::of_fleet(model, self.sensor.clone());
-        let additions = additions(
-            &self.sightings,
-            &self.footprints,
-            &self.map,
-            self.tile_level,
-            &fold,
-        );
-        let owners = self.map.elements().iter().map(|element| element.tile);
-        let tiles: BTreeSet<TileId> = owners
-            .chain(additions.iter().map(|record| TileId(record.tile)))
-            .collect();
-        let layers = reduce_tiles(
-            &tiles,
-            self.map.elements(),
-            &self.rows,
-            &additions,
-            &fold,
-            &Meter::default(),
-            &Silent,
-        )?;
+        let reduce = Reduce {
+            map: &self.map,
+            tile_level: self.tile_level,
+            sightings: &self.sightings,
+            footprints: &self.footprints,
+            fold: &fold,
+            meter: &Meter::default(),
+            progress: &Silent,
+        };
+        let rows_of = |tiles: &BTreeSet<TileId>| {
+            let of = self
+                .rows
+                .iter()
+                .filter(|row| tiles.contains(&TileId(row.tile)));
+            Ok(of.cloned().collect())
+        };
+        let layers = reduce.layers(&owners(self.map.elements()), rows_of)?;
         Ok(layers.into_iter().flat_map(|layer| layer.records).collect())
     }
 
@@ -114,13 +112,16 @@ impl Refold {
         let mut records: Vec<ChangeRecord> = exposed.flatten().collect();
         let of_vehicle = |row: &i64| *row == vehicle;
         let sightings = self.sightings.iter().filter(|row| of_vehicle(&row.vehicle));
-        records.extend(candidates::judge(
+        let mut additions = candidates::judge(
             &sightings.cloned().collect::<Vec<_>>(),
             &self.looks_of(vehicle),
             &self.map,
+            &Gone::of(&records),
             self.tile_level,
             &fold,
-        ));
+        );
+        moved::link(&mut records, &mut additions);
+        records.extend(additions);
         records
     }
 
