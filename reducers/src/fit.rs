@@ -77,8 +77,8 @@ struct Samples {
     places: Vec<(f64, f64, usize)>,
     /// What vehicles are off the place of such an element, in metres.
     biases_m: Vec<f64>,
-    /// P(removed) and P(shifted) of every line that was looked at.
-    churn: Vec<[f64; 2]>,
+    /// P(moved) of every line that was looked at.
+    shifted: Vec<f64>,
     /// Of every line that is there: how likely it is of which level.
     levels: Vec<[f64; LEVELS.len()]>,
     /// Readings that agree with the map, and all, of unchanged elements.
@@ -110,15 +110,14 @@ impl Samples {
         let line = lines::judge(sections, sensor);
         let mut residuals: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
         let mut levels = [0.0; LEVELS.len()];
-        let mut churn = [0.0; 2];
+        let mut shifted = 0.0;
         for (passes, states_p) in line.passes.iter().zip(&line.states) {
             let believed = Believed::new(states_p, &space.states);
             if !passes.is_empty() {
                 for (sum, p) in levels.iter_mut().zip(believed.levels) {
                     *sum += p;
                 }
-                churn[0] += believed.gone;
-                churn[1] += 1.0 - believed.gone - believed.in_place;
+                shifted += 1.0 - believed.gone - believed.in_place;
             }
             let place_m = median_of(passes.iter().filter_map(measured));
             for pass in passes.iter().filter(|pass| pass.exposed >= LEAST_FRAMES) {
@@ -148,7 +147,7 @@ impl Samples {
             .count();
         if looked_at > 0 {
             self.levels.push(levels.map(|sum| sum / looked_at as f64));
-            self.churn.push(churn.map(|sum| sum / looked_at as f64));
+            self.shifted.push(shifted / looked_at as f64);
         }
         let of_vehicles: Vec<f64> = residuals
             .into_values()
@@ -186,8 +185,10 @@ impl Samples {
             absent_concentration: self.concentration(gone, built_in.absent_concentration),
             place_sigma_m: self.place_sigma_m(&built_in, vehicle_sigma_m),
             vehicle_sigma_m,
-            removed: self.churn(0, built_in.removed),
-            shifted: self.churn(1, built_in.shifted),
+            // Not fitted: paint that is gone and paint that this fleet cannot see look alike, and a
+            // fit would talk itself into one of them.
+            removed: built_in.removed,
+            shifted: self.shifted(built_in.shifted),
             levels: self.levels(&built_in),
             residual_outliers: stray.clamp(OUTLIERS.0, OUTLIERS.1),
             marking_read: (same + PRIOR_PASSES * built_in.marking_read) / (all + PRIOR_PASSES),
@@ -303,10 +304,9 @@ impl Samples {
         (squares / (count + PRIOR_PASSES)).sqrt()
     }
 
-    /// Share of lines that changed in one of two ways.
-    fn churn(&self, way: usize, built_in: f64) -> f64 {
-        let sum: f64 = self.churn.iter().map(|line| line[way]).sum();
-        let count = self.churn.len() as f64;
+    /// Share of lines that were moved.
+    fn shifted(&self, built_in: f64) -> f64 {
+        let (sum, count) = (self.shifted.iter().sum::<f64>(), self.shifted.len() as f64);
         ((sum + PRIOR_LINES * built_in) / (count + PRIOR_LINES)).clamp(CHURN.0, CHURN.1)
     }
 
