@@ -8,9 +8,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::TempDir;
 use tilefold_engine::evaluate::{
-    Drives, Evaluation, Matching, Options, Refold, Subject, matching, plots,
+    Drives, Evaluation, Findings, Matching, Options, Refold, Subject, matching, plots,
 };
-use tilefold_engine::{FusionModel, InitOptions, Silent, evaluate, init, run as run_logs};
+use tilefold_engine::{
+    FusionModel, InitOptions, Silent, calibrate, evaluate, init, run as run_logs,
+};
 use tilefold_formats::geojson::{TruthChange, read_changes_file};
 use tilefold_formats::matching_truth::MatchingTruth;
 use tilefold_schemas::evidence::METHOD_VERSION;
@@ -30,12 +32,16 @@ struct RawResult<'a> {
     /// Version of the map stage's method.
     method: i32,
     evaluation: &'a Evaluation,
+    /// With the built-in sensor model, before any was fitted.
+    before_calibration: &'a Findings,
 }
 
 /// A city after its run.
 struct City {
     snapshot: Snapshot,
     refold: Refold,
+    /// The same before the sensor model was fitted.
+    before: Refold,
     truth: Vec<TruthChange>,
     logs: Vec<PathBuf>,
     /// Which element each detection is of, where the simulator says so.
@@ -51,18 +57,21 @@ pub(crate) fn run(suite: &Suite, seeds: Seeds, out: &Path) -> Result<(), Box<dyn
         eprintln!("{}: seed {seed}", suite.name);
         cities.push(drive_through(suite, seed)?);
     }
-    let subjects: Vec<Subject<'_>> = cities
-        .iter()
-        .map(|city| Subject {
-            refold: &city.refold,
+    let subjects = |of: fn(&City) -> &Refold| -> Vec<Subject<'_>> {
+        let subject = |city| Subject {
+            refold: of(city),
             truth: &city.truth,
-        })
-        .collect();
+        };
+        cities.iter().map(subject).collect()
+    };
     let options = Options {
         single_vehicles: SINGLE_VEHICLES,
         ..Options::default()
     };
-    let mut evaluation = evaluate(&subjects, FusionModel::Calibrated, &options)?;
+    let fitted = subjects(|city| &city.refold);
+    let mut evaluation = evaluate(&fitted, FusionModel::Calibrated, &options)?;
+    let built_in = subjects(|city| &city.before);
+    let before = evaluate(&built_in, FusionModel::Calibrated, &Options::default())?;
     evaluation.matching = match_all(&cities)?;
     let result = RawResult {
         suite,
@@ -70,6 +79,7 @@ pub(crate) fn run(suite: &Suite, seeds: Seeds, out: &Path) -> Result<(), Box<dyn
         seeds: seeds.all(),
         method: METHOD_VERSION,
         evaluation: &evaluation,
+        before_calibration: &before.findings,
     };
     let pictures = plots::write(&out.join(suite.name), &evaluation)?;
     let file = out.join(format!("{}.json", suite.name));
@@ -108,10 +118,14 @@ fn drive_through(suite: &Suite, seed: u64) -> Result<City, Box<dyn Error>> {
     };
     init(&location, &[files.before_map], &options)?;
     run_logs(&location, &files.logs, FusionModel::Calibrated, &Silent)?;
-    let snapshot = Store::open(location)?.snapshot(None)?;
+    let store = Store::open(location.clone())?;
+    let before = Refold::read(&store.snapshot(None)?)?;
+    calibrate(&location, &Silent)?;
+    let snapshot = store.snapshot(None)?;
     let matching_truth = folder.path().join("matching.csv");
     Ok(City {
         refold: Refold::read(&snapshot)?,
+        before,
         snapshot,
         truth: read_changes_file(&files.truth)?,
         logs: files.logs,

@@ -30,6 +30,7 @@ pub(super) fn page(results: &[Raw]) -> String {
     };
     section("The suites", suites(results));
     section("Fused", fused(results));
+    section("Where enough vehicles looked", looked_at(results));
     section("Single vehicles", single(results));
     section("By type", by_type(results));
     section("By detail", by_detail(results));
@@ -136,6 +137,12 @@ fn fused(results: &[Raw]) -> String {
     table(&header(&["suite", "model"]), rows)
 }
 
+fn looked_at(results: &[Raw]) -> String {
+    let words = "Drives are drawn by lot, so some places see few vehicles, and a claim takes five. Here only those changes count that five vehicles looked at: of the others nothing can be claimed, however good the fold.\n\n";
+    let rows = by_model(results, |findings| score_cells(&findings["looked_at"]));
+    words.to_owned() + &table(&header(&["suite", "model"]), rows)
+}
+
 fn single(results: &[Raw]) -> String {
     let words = "A few vehicles of each city, each judged by its own evidence alone (V = 1), against the changes that it looked at; a change counts once for each vehicle.\n\n";
     let rows = by_model(results, |findings| {
@@ -240,6 +247,7 @@ fn calibration(results: &[Raw]) -> String {
         "claimed changed",
     ];
     let mut text = table(&header, rows);
+    text.push_str(&before_and_after(results));
     for raw in results {
         let name = raw.suite.name;
         let _ = write!(
@@ -248,6 +256,32 @@ fn calibration(results: &[Raw]) -> String {
         );
     }
     text
+}
+
+/// What fitting the sensor model to each city's own ledger, without its truth, is worth.
+fn before_and_after(results: &[Raw]) -> String {
+    let rows = results.iter().map(|raw| {
+        let (before, after) = (&raw.value["before_calibration"], &raw.value["evaluation"]);
+        let mut row = vec![raw.suite.name.to_owned()];
+        for findings in [before, after] {
+            let change = &findings["change"];
+            row.push(share(&findings["calibration"]["ece"]));
+            row.push(share(&change["precision"]));
+            row.push(share(&change["recall"]));
+        }
+        row
+    });
+    let header = [
+        "suite",
+        "ECE, built in",
+        "precision",
+        "recall",
+        "ECE, fitted",
+        "precision",
+        "recall",
+    ];
+    "\n### Before and after `calibrate`\n\nThe sensor model as built in, and fitted to each city's own ledger, which does not know the truth.\n\n".to_owned()
+        + &table(&header, rows)
 }
 
 fn geometry(results: &[Raw]) -> String {

@@ -101,6 +101,9 @@ pub struct Resampling {
 pub struct Findings {
     /// Change detection.
     pub change: ChangeScores,
+    /// Change detection among the changes that as many vehicles looked at as a claim takes: of the
+    /// others nothing can be claimed, however good the fold.
+    pub looked_at: ChangeScores,
     /// Calibration of P(change).
     pub calibration: Calibration,
     /// Geometry.
@@ -220,8 +223,17 @@ impl Trial<'_> {
         let judged: Vec<calibration::Judged> = (records.iter().zip(self.subjects))
             .flat_map(|(records, subject)| calibration::judged(records, subject.truth, criteria))
             .collect();
+        let looked_at: Vec<Network<'_>> = (records.iter().enumerate())
+            .map(|(index, records)| Network {
+                grid: self.grid(index),
+                known: &self.all_known[index],
+                in_view: self.looked_at_by_enough(index),
+                laid: Laid::new(records, &self.all_known[index], above_sweep(criteria)),
+            })
+            .collect();
         let findings = Findings {
             change: change::score(&networks, criteria.threshold, &resamples),
+            looked_at: change::score(&looked_at, criteria.threshold, &resamples),
             calibration: calibration::calibration(&judged),
             geometry: geometry::geometry(&networks, criteria.threshold),
             control: calibration::control(&judged),
@@ -237,6 +249,21 @@ impl Trial<'_> {
             .flat_map(|(network, records)| outcome::outcomes(network, criteria.threshold, records))
             .collect();
         Ok((findings, resampling, outcomes))
+    }
+
+    /// Which changes of a subject at least as many vehicles looked at as a claim takes.
+    fn looked_at_by_enough(&self, index: usize) -> Vec<bool> {
+        let known = &self.all_known[index];
+        let mut vehicles = vec![0; known.len()];
+        let refold = self.subjects[index].refold;
+        for vehicle in refold.vehicles() {
+            let looks = refold.looks_of(vehicle);
+            for (count, known) in vehicles.iter_mut().zip(known) {
+                *count += i32::from(single::is_in_view(known, &looks));
+            }
+        }
+        let enough = self.options.criteria.min_vehicles;
+        vehicles.into_iter().map(|count| count >= enough).collect()
     }
 
     /// Places with an element or a candidate.
