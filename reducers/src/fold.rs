@@ -36,6 +36,8 @@ pub struct Fold {
     pub quorum: usize,
     /// How the fleet's detectors err.
     pub sensor: SensorModel,
+    /// Only what was seen until then counts, nanoseconds since the Unix epoch; none: all of it.
+    pub as_of_ns: Option<i64>,
 }
 
 impl Fold {
@@ -46,6 +48,7 @@ impl Fold {
             model,
             quorum: 2,
             sensor,
+            as_of_ns: None,
         }
     }
 
@@ -56,6 +59,13 @@ impl Fold {
             model,
             quorum: 1,
             sensor,
+            as_of_ns: None,
         }
+    }
+
+    /// Whether something first seen at a time counts.
+    #[must_use]
+    pub fn counts(&self, first_ns: i64) -> bool {
+        self.as_of_ns.is_none_or(|as_of_ns| first_ns <= as_of_ns)
     }
 }

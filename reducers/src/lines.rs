@@ -7,11 +7,11 @@
 
 use std::collections::BTreeSet;
 
-use tilefold_schemas::fixed;
+use tilefold_schemas::{Verdict, fixed};
 
 use crate::calibrated::{shares_of_vehicles, testimony};
 use crate::chain::{self, Chain};
-use crate::elements::Judged;
+use crate::elements::{Judged, verdict};
 use crate::passes::Pass;
 use crate::sensor::SensorModel;
 use crate::space::{Claim, Space, State};
@@ -89,7 +89,7 @@ pub(crate) fn judge(sections: &[Vec<Pass>], sensor: &SensorModel) -> JudgedLine 
         let times = looks.times_ns.len().max(1) as f64;
         let gain = before.log_evidence + after.log_evidence - chain.log_evidence + CHANGED_NATS
             - libm::log(times);
-        if gain <= 0.0 {
+        if gain <= 0.0 || !is_other_claim(&before, &after, &space.states) {
             break;
         }
         since = Some(Since {
@@ -227,6 +227,15 @@ impl Looks {
         };
         self.sections.iter().zip(sections).map(of).collect()
     }
+}
+
+/// Whether the likeliest claim of any section differs: a line that moved within what it is called is
+/// no change of it.
+fn is_other_claim(before: &Chain, after: &Chain, states: &[State]) -> bool {
+    let likeliest = |states_p: &Vec<f64>| verdict(&merge_states(states_p, states).posterior);
+    let claims =
+        |chain: &Chain| -> Vec<Verdict> { chain.posterior.iter().map(likeliest).collect() };
+    claims(before) != claims(after)
 }
 
 fn add(sums_fx: &mut [i64], nats_fx: &[i64]) {

@@ -122,11 +122,14 @@ pub(crate) enum Command {
         /// The store.
         store: PathBuf,
         /// MCAP files, or folders of them.
-        #[arg(required = true)]
+        #[arg(required_unless_present = "as_of")]
         logs: Vec<PathBuf>,
         /// How evidence becomes a posterior.
         #[arg(long, value_enum, default_value_t)]
         model: ModelName,
+        /// Folds only what was seen until then: a time like 2026-03-15T00:00:00Z. The version says so.
+        #[arg(long, value_parser = time)]
+        as_of: Option<i64>,
         /// Shows what would be done, and does nothing.
         #[arg(long)]
         plan: bool,
@@ -295,6 +298,14 @@ impl std::fmt::Debug for Salt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Salt(..)")
     }
+}
+
+/// Nanoseconds since the Unix epoch.
+fn time(text: &str) -> Result<i64, String> {
+    let time = chrono::DateTime::parse_from_rfc3339(text)
+        .map_err(|error| format!("{error}; give a time like 2026-03-15T00:00:00Z"))?;
+    time.timestamp_nanos_opt()
+        .ok_or_else(|| "a year between 1678 and 2262 is needed".to_owned())
 }
 
 fn salt(text: &str) -> Result<Salt, String> {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tilefold_city::CitySpec;
 use tilefold_engine::evaluate::Options;
-use tilefold_engine::{FusionModel, InitOptions};
+use tilefold_engine::{FusionModel, InitOptions, RunOptions};
 
 use crate::args::Args;
 use crate::command::{Asked, init_store, run_logs, score};
@@ -31,7 +31,7 @@ pub(crate) fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dy
         salt: None,
     };
     init_store(args, &store, &[city.before_map], &options)?;
-    let outcome = run_logs(args, &store, &city.logs, FusionModel::Calibrated)?;
+    let outcome = run_logs(args, &store, &city.logs, RunOptions::default())?;
     let asked = Asked {
         store: &store,
         truth: Some(&city.truth),

@@ -59,7 +59,7 @@ impl Reduce<'_> {
     ) -> Result<Vec<Layer>, EngineError> {
         let mut tiles: BTreeSet<TileId> = tiles.union(&self.tiles_beside()).copied().collect();
         self.progress.begin(Stage::Reduce, tiles.len() as u64);
-        let mut rows = by_tile(rows_of(&tiles)?);
+        let mut rows = self.by_tile(rows_of(&tiles)?);
         let mut records = self.elements(&tiles, &rows);
         let mut additions = self
             .meter
@@ -67,7 +67,7 @@ impl Reduce<'_> {
         moved::link(&mut records, &mut additions);
         let owners = additions.iter().map(|record| TileId(record.tile));
         let others: BTreeSet<TileId> = owners.filter(|tile| !tiles.contains(tile)).collect();
-        let rows_of_others = by_tile(rows_of(&others)?);
+        let rows_of_others = self.by_tile(rows_of(&others)?);
         records.extend(self.elements(&others, &rows_of_others));
         records.extend(additions);
         rows.extend(rows_of_others);
@@ -75,6 +75,18 @@ impl Reduce<'_> {
         let layers = self.under_headers(&tiles, records, rows);
         self.progress.end(Stage::Reduce);
         layers
+    }
+
+    /// Rows that count, by tile.
+    fn by_tile(&self, rows: Vec<EvidenceRow>) -> BTreeMap<TileId, Vec<EvidenceRow>> {
+        let mut by_tile: BTreeMap<TileId, Vec<EvidenceRow>> = BTreeMap::new();
+        for row in rows
+            .into_iter()
+            .filter(|row| self.fold.counts(row.first_ns))
+        {
+            by_tile.entry(TileId(row.tile)).or_default().push(row);
+        }
+        by_tile
     }
 
     /// Owners of the lines that lie beside a sighting: what is new there may be such a line, moved.
@@ -128,12 +140,18 @@ impl Reduce<'_> {
 
     /// All additions in the evidence, judged where they lie, whatever tiles they cross.
     fn additions(&self, gone: &Gone) -> Vec<ChangeRecord> {
-        let (sightings, footprints) = (self.sightings, self.footprints);
         let (map, level, fold) = (self.map, self.tile_level, self.fold);
-        let mut additions = candidates::judge(sightings, footprints, map, gone, level, fold);
-        additions.extend(area_candidates::judge(
-            sightings, footprints, map, level, fold,
-        ));
+        let seen = self
+            .sightings
+            .iter()
+            .filter(|seen| fold.counts(seen.first_ns));
+        let looks = self
+            .footprints
+            .iter()
+            .filter(|look| fold.counts(look.stamp_ns));
+        let (seen, looks): (Vec<_>, Vec<_>) = (seen.cloned().collect(), looks.cloned().collect());
+        let mut additions = candidates::judge(&seen, &looks, map, gone, level, fold);
+        additions.extend(area_candidates::judge(&seen, &looks, map, level, fold));
         additions
     }
 
@@ -162,7 +180,7 @@ impl Reduce<'_> {
         records: &[ChangeRecord],
         rows: Vec<EvidenceRow>,
     ) -> Result<LayerHeader, EngineError> {
-        let as_of_ns = rows.iter().map(|row| row.last_ns).max().unwrap_or(0);
+        let last_ns = rows.iter().map(|row| row.last_ns).max().unwrap_or(0);
         let count = |verdict: Verdict| {
             let of = records.iter().filter(|r| r.verdict == verdict.code());
             of.count() as i32
@@ -173,7 +191,7 @@ impl Reduce<'_> {
             evidence_digest: digest_rows(rows)?,
             fusion_model: self.fold.model.name().to_owned(),
             sensor_model: self.fold.sensor.id(),
-            as_of_ns,
+            as_of_ns: self.fold.as_of_ns.unwrap_or(last_ns),
             no_change: count(Verdict::NoChange),
             added: count(Verdict::Added),
             removed: count(Verdict::Removed),
@@ -181,14 +199,6 @@ impl Reduce<'_> {
             unknown: count(Verdict::Unknown),
         })
     }
-}
-
-fn by_tile(rows: Vec<EvidenceRow>) -> BTreeMap<TileId, Vec<EvidenceRow>> {
-    let mut by_tile: BTreeMap<TileId, Vec<EvidenceRow>> = BTreeMap::new();
-    for row in rows {
-        by_tile.entry(TileId(row.tile)).or_default().push(row);
-    }
-    by_tile
 }
 
 /// All tiles that own an element.

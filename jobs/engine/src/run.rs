@@ -22,6 +22,27 @@ use crate::meter::{Meter, Stage, StageReport};
 use crate::progress::Progress;
 use crate::reduce_job::{Layer, Reduce};
 
+/// Parameter of a commit: the time that it is as of.
+const AS_OF: &str = "as_of_ns";
+
+/// How a run folds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RunOptions {
+    /// How evidence becomes a posterior.
+    pub model: FusionModel,
+    /// Only what was seen until then counts, nanoseconds since the Unix epoch; none: all of it.
+    pub as_of_ns: Option<i64>,
+}
+
+impl From<FusionModel> for RunOptions {
+    fn from(model: FusionModel) -> Self {
+        Self {
+            model,
+            as_of_ns: None,
+        }
+    }
+}
+
 /// What a run did.
 #[derive(Debug, Clone, Serialize)]
 pub struct RunReport {
@@ -89,9 +110,10 @@ pub fn plan(logs: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Plan {
 pub fn run(
     location: &Path,
     logs: &[PathBuf],
-    model: FusionModel,
+    options: impl Into<RunOptions>,
     progress: &dyn Progress,
 ) -> Result<RunReport, EngineError> {
+    let options = options.into();
     let meter = Meter::default();
     let store = Store::open(location.to_path_buf())?;
     let snapshot = store.snapshot(None)?;
@@ -132,7 +154,10 @@ pub fn run(
     let update = Update {
         map: &context.map,
         tile_level,
-        fold: &Fold::of_fleet(model, sensor),
+        fold: &Fold {
+            as_of_ns: options.as_of_ns,
+            ..Fold::of_fleet(options.model, sensor)
+        },
         meter: &meter,
         progress,
     };
@@ -272,17 +297,34 @@ impl Update<'_> {
         self.progress.begin(Stage::Commit, count as u64);
         let version = self.meter.time(Stage::Commit, || {
             write_layers(&mut transaction, layers)?;
-            let model = self.fold.model.name().to_owned();
-            let parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
-            Ok::<_, EngineError>(transaction.commit(operation, parameters)?)
+            Ok::<_, EngineError>(transaction.commit(operation, self.parameters())?)
         })?;
         self.meter.count(Stage::Commit, count as u64, 0);
         self.progress.end(Stage::Commit);
         Ok((version, count))
     }
 
-    /// Whether layers were made with another model than the one asked for.
+    /// What the commit says of how it was folded.
+    fn parameters(&self) -> Parameters {
+        let model = self.fold.model.name().to_owned();
+        let mut parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
+        if let Some(as_of_ns) = self.fold.as_of_ns {
+            parameters.insert(AS_OF.to_owned(), as_of_ns.into());
+        }
+        parameters
+    }
+
+    /// Whether layers were made as of another time than the one asked for.
+    fn is_as_of_other_time(&self, base: &Snapshot) -> bool {
+        let as_of_ns = base.info().parameters.get(AS_OF);
+        as_of_ns.and_then(serde_json::Value::as_i64) != self.fold.as_of_ns
+    }
+
+    /// Whether layers were made with another model than the one asked for, or as of another time.
     fn changes_model(&self, base: &Snapshot) -> Result<bool, EngineError> {
+        if self.is_as_of_other_time(base) {
+            return Ok(true);
+        }
         let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
         Ok(headers.iter().any(|header| self.is_other_model(header)))
     }
@@ -333,9 +375,10 @@ impl Update<'_> {
         touched: &BTreeSet<TileId>,
     ) -> Result<BTreeSet<TileId>, EngineError> {
         let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
+        let is_as_of_other_time = self.is_as_of_other_time(base);
         let others = headers
             .iter()
-            .filter(|header| header.added > 0 || self.is_other_model(header))
+            .filter(|header| header.added > 0 || is_as_of_other_time || self.is_other_model(header))
             .map(|header| TileId(header.tile));
         Ok(touched.iter().copied().chain(others).collect())
     }
