@@ -13,7 +13,7 @@ use crate::local_map::{LocalMap, Near};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::pose::{PoseError, Trajectory};
-use crate::profile::{Profile, profiles};
+use crate::profile::{Profile, seen_profiles};
 use crate::register::{Glance, Registration, register};
 use crate::scale;
 use crate::sight::Sightings;
@@ -91,7 +91,7 @@ pub fn map_chunk_traced(
         return Ok(evidence);
     }
     let mut cross_cuts = cut(&looks, &map);
-    let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.mapped)).collect();
+    let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| map.profiles(&c.mapped)).collect();
     let mut registrations = lay_on_map(&looks, &cross_cuts, &mapped);
     let factor = scale::estimate(&cross_cuts, &registrations);
     if factor != 1.0 {
@@ -182,7 +182,9 @@ fn lay_on_map(
     cross_cuts: &[CrossCut],
     mapped: &[Vec<Profile>],
 ) -> Vec<Registration> {
-    let seen: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.seen)).collect();
+    let seen: Vec<Vec<Profile>> = (looks.iter().zip(cross_cuts))
+        .map(|(look, cross_cut)| seen_profiles(&cross_cut.seen, &look.lines))
+        .collect();
     let glances: Vec<Glance<'_>> = looks
         .iter()
         .zip(seen.iter().zip(mapped))

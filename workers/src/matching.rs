@@ -22,6 +22,9 @@ const AMBIGUOUS_SHARE: f64 = 0.9;
 /// Scale of the gain that the alignment maximises, in metres: flat enough that a line shifted by
 /// a metre still finds its map line.
 const GAIN_SIGMA_M: f64 = 0.9;
+/// Share of the gain that does not depend on how much of the seen line the map line runs beside:
+/// where a map line ends and the next begins, the one that is more of it is it.
+const BESIDE: f64 = 0.8;
 
 /// A seen line that was matched to a map line.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +56,8 @@ struct Candidate {
     residual_m: f64,
     mean_square_m2: f64,
     slope: f64,
+    /// Share of the seen line's extent that runs beside the map line.
+    beside: f64,
 }
 
 /// Matches a frame whose vehicle really was `offset_m` to the left of its pose.
@@ -80,7 +85,11 @@ pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
             let rival = candidates[row]
                 .iter()
                 .enumerate()
-                .filter(|&(other, _)| other != column)
+                .filter(|&(other, _)| {
+                    let [this, other] = [column, other].map(|c| &cross_cut.mapped[mapped[c]]);
+                    // What goes on where the other ends is no rival.
+                    this.line != other.line && Against::new(this, other).is_some()
+                })
                 .filter_map(|(_, candidate)| candidate.as_ref().map(score_of))
                 .fold(0.0, f64::max);
             Some(Match {
@@ -112,6 +121,7 @@ fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidat
         residual_m,
         mean_square_m2: mean_square_m2.max(0.0),
         slope: against.slope,
+        beside: (against.extent_m / seen.extent_m().max(1.0)).min(1.0),
     })
 }
 
@@ -129,8 +139,9 @@ fn align(candidates: &[Vec<Option<Candidate>>]) -> Vec<(usize, usize)> {
     let rows = candidates.len();
     let columns = candidates.first().map_or(0, Vec::len);
     let gain = |row: usize, column: usize| -> Option<f64> {
-        let z = candidates[row][column]?.residual_m / GAIN_SIGMA_M;
-        Some((-0.5 * z * z).exp())
+        let candidate = candidates[row][column]?;
+        let z = candidate.residual_m / GAIN_SIGMA_M;
+        Some((-0.5 * z * z).exp() * (BESIDE + (1.0 - BESIDE) * candidate.beside))
     };
     // best[row][column]: greatest gain of the first `row` seen and `column` mapped lines.
     let mut best = vec![vec![0.0_f64; columns + 1]; rows + 1];

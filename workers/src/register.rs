@@ -8,6 +8,8 @@
 //! with a low confidence instead of a wrong pick. An edited line is one vote against those of its
 //! neighbours and of the road before and after it.
 
+use tilefold_schemas::Marking;
+
 use crate::drift::{Drifts, Receivers, shifted};
 use crate::profile::Profile;
 use crate::visibility::line_sigma_m;
@@ -22,6 +24,10 @@ pub(crate) const STATES: usize = 101;
 const STEP_NS: i64 = 500_000_000;
 /// Share of seen lines that belong to no map line (clutter, edits).
 const OUTLIERS: f64 = 0.3;
+/// How much likelier than by chance a seen line agrees with its map line on how it is painted, and
+/// differs from it, where both say so: detectors misread paint, and paint is renewed otherwise.
+const AGREES: f64 = 1.6;
+const DIFFERS: f64 = 0.3;
 /// Clutter lies anywhere over this width, in metres.
 const CLUTTER_WIDTH_M: f64 = 10.0;
 /// Independent looks that one step is worth, however many frames it has: frames of seconds see the
@@ -184,7 +190,7 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
     let sigma_m = line_sigma_m(seen.lateral_m);
     let height = (1.0 - OUTLIERS) / (sigma_m * std::f64::consts::TAU.sqrt());
     let reach_m = 4.0 * sigma_m;
-    // Squared distance to the nearest map line in sigmas, and the states that have one nearby.
+    // Squared distance to the likeliest map line in sigmas, and the states that have one nearby.
     let mut squares = [f64::INFINITY; STATES];
     let mut voted: u128 = 0;
     for mapped in mapped {
@@ -193,10 +199,11 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
             continue;
         };
         let states = near(-offset, reach_m);
+        let penalty = paint_penalty(seen.marking, mapped.marking);
         voted |= ((1 << states.len()) - 1) << states.start;
         for (square, state) in squares[states.clone()].iter_mut().zip(states) {
             let z = (offset_m(state) + offset) / sigma_m;
-            *square = square.min(z * z);
+            *square = square.min(z * z + penalty);
         }
     }
     let mut votes = [nobody; STATES];
@@ -208,6 +215,21 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
     }
     for (sum, vote) in sum.iter_mut().zip(votes) {
         *sum += vote;
+    }
+}
+
+/// What is added to a squared distance in sigmas for how two lines are painted.
+fn paint_penalty(seen: Marking, mapped: Marking) -> f64 {
+    let kind = |marking| match marking {
+        Marking::Unknown | Marking::Other => None,
+        // Which side is solid depends on the direction of the map's line.
+        Marking::DashedSolid => Some(Marking::SolidDashed),
+        known => Some(known),
+    };
+    match (kind(seen), kind(mapped)) {
+        (Some(seen), Some(mapped)) if seen == mapped => -2.0 * AGREES.ln(),
+        (Some(_), Some(_)) => -2.0 * DIFFERS.ln(),
+        _ => 0.0,
     }
 }
 
