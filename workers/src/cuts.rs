@@ -46,15 +46,6 @@ impl CutLine {
         let sum: f64 = self.cuts.iter().map(|cut| cut.lateral_m).sum();
         sum / self.cuts.len() as f64
     }
-
-    /// From the first to the last cut, in metres.
-    #[must_use]
-    pub fn extent_m(&self) -> f64 {
-        let ranges = self.cuts.first().zip(self.cuts.last());
-        ranges.map_or(0.0, |(first, last)| {
-            RANGES_M[last.range] - RANGES_M[first.range]
-        })
-    }
 }
 
 /// What a frame saw beside what the map has there.

@@ -22,9 +22,9 @@ const AMBIGUOUS_SHARE: f64 = 0.9;
 /// Scale of the gain that the alignment maximises, in metres: flat enough that a line shifted by
 /// a metre still finds its map line.
 const GAIN_SIGMA_M: f64 = 0.9;
-/// Share of the gain that does not depend on how much of the seen line the map line runs beside:
-/// where a map line ends and the next begins, the one that is more of it is it.
-const BESIDE: f64 = 0.8;
+/// Map lines of which one goes on where the other ends differ in their residuals by at most this,
+/// in metres.
+const CONTINUES_M: f64 = 0.3;
 
 /// A seen line that was matched to a map line.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,8 +56,8 @@ struct Candidate {
     residual_m: f64,
     mean_square_m2: f64,
     slope: f64,
-    /// Share of the seen line's extent that runs beside the map line.
-    beside: f64,
+    /// How long the seen line runs beside the map line, in metres.
+    beside_m: f64,
 }
 
 /// Matches a frame whose vehicle really was `offset_m` to the left of its pose.
@@ -73,7 +73,12 @@ pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
             mapped.iter().map(against).collect()
         })
         .collect();
-    let assigned = align(&candidates);
+    let goes_on = |a: usize, b: usize| {
+        let [a, b] = [a, b].map(|column| &cross_cut.mapped[mapped[column]]);
+        Against::new(a, b).is_none()
+    };
+    let mut assigned = align(&candidates);
+    take_longer(&mut assigned, &candidates, goes_on);
     let is_complete = assigned.len() == seen.len() && assigned.len() == mapped.len();
     let weights = if is_complete { COMPLETE } else { INCOMPLETE };
     let pairs = assigned
@@ -85,11 +90,8 @@ pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
             let rival = candidates[row]
                 .iter()
                 .enumerate()
-                .filter(|&(other, _)| {
-                    let [this, other] = [column, other].map(|c| &cross_cut.mapped[mapped[c]]);
-                    // What goes on where the other ends is no rival.
-                    this.line != other.line && Against::new(this, other).is_some()
-                })
+                // What goes on where the other ends is no rival.
+                .filter(|&(other, _)| other != column && !goes_on(other, column))
                 .filter_map(|(_, candidate)| candidate.as_ref().map(score_of))
                 .fold(0.0, f64::max);
             Some(Match {
@@ -121,7 +123,7 @@ fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidat
         residual_m,
         mean_square_m2: mean_square_m2.max(0.0),
         slope: against.slope,
-        beside: (against.extent_m / seen.extent_m().max(1.0)).min(1.0),
+        beside_m: against.extent_m,
     })
 }
 
@@ -139,9 +141,8 @@ fn align(candidates: &[Vec<Option<Candidate>>]) -> Vec<(usize, usize)> {
     let rows = candidates.len();
     let columns = candidates.first().map_or(0, Vec::len);
     let gain = |row: usize, column: usize| -> Option<f64> {
-        let candidate = candidates[row][column]?;
-        let z = candidate.residual_m / GAIN_SIGMA_M;
-        Some((-0.5 * z * z).exp() * (BESIDE + (1.0 - BESIDE) * candidate.beside))
+        let z = candidates[row][column]?.residual_m / GAIN_SIGMA_M;
+        Some((-0.5 * z * z).exp())
     };
     // best[row][column]: greatest gain of the first `row` seen and `column` mapped lines.
     let mut best = vec![vec![0.0_f64; columns + 1]; rows + 1];
@@ -167,6 +168,33 @@ fn align(candidates: &[Vec<Option<Candidate>>]) -> Vec<(usize, usize)> {
     }
     pairs.reverse();
     pairs
+}
+
+/// Where a map line ends and the next begins, a seen line is the one that it runs beside for longer:
+/// the alignment knows distances to the side only.
+fn take_longer(
+    assigned: &mut [(usize, usize)],
+    candidates: &[Vec<Option<Candidate>>],
+    goes_on: impl Fn(usize, usize) -> bool,
+) {
+    for index in 0..assigned.len() {
+        let (row, column) = assigned[index];
+        let Some(chosen) = candidates[row][column] else {
+            continue;
+        };
+        let longer = (candidates[row].iter().enumerate())
+            .filter_map(|(other, candidate)| Some((other, (*candidate)?)))
+            .filter(|(other, candidate)| {
+                candidate.beside_m > chosen.beside_m
+                    && (candidate.residual_m - chosen.residual_m).abs() <= CONTINUES_M
+                    && assigned.iter().all(|(_, taken)| taken != other)
+                    && goes_on(*other, column)
+            })
+            .max_by(|a, b| a.1.beside_m.total_cmp(&b.1.beside_m));
+        if let Some((other, _)) = longer {
+            assigned[index].1 = other;
+        }
+    }
 }
 
 #[cfg(test)]
