@@ -19,7 +19,7 @@ use tilefold_workers::frames::FrameTree;
 use tilefold_workers::local_map::LocalMap;
 use tilefold_workers::pose::Trajectory;
 use tilefold_workers::testify::Frame;
-use tilefold_workers::{MapContext, map_chunk_traced};
+use tilefold_workers::{MapContext, Registering, map_chunk_traced};
 
 const FRAMES_HEADER: &str = "vehicle,stamp_ns,longitude_deg,latitude_deg,yaw_rad,sigma_east_m,sigma_north_m,sigma_yaw_rad,offset_m,offset_sigma_m,confidence\n";
 const LINES_HEADER: &str = "vehicle,stamp_ns,detection,lateral_m,element_id,residual_m,is_ambiguous,nearest_before_m,nearest_after_m\n";
@@ -39,6 +39,7 @@ pub(crate) fn write(store: &Path, logs: &[PathBuf], out: &Path) -> Result<(), Bo
     let context = MapContext {
         map: MapIndex::new(read_elements(&snapshot, tile_level)?),
         tile_level,
+        registering: Registering::On,
     };
     let meter = Meter::default();
     let catalogue = Catalogue::open(logs, &meter, &Silent);

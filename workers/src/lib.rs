@@ -36,3 +36,4 @@ pub mod trace;
 pub mod visibility;
 
 pub use map_chunk::{Evidence, MapContext, map_chunk, map_chunk_traced};
+pub use register::Registering;

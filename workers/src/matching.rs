@@ -299,4 +299,53 @@ mod tests {
             }
         }
     }
+
+    /// Scipy's Hungarian algorithm may cross lines, and hardly ever gains by it.
+    #[test]
+    fn gains_what_an_assignment_without_order_gains() {
+        let numbers = |text: &str| -> Vec<f64> {
+            text.split_whitespace()
+                .map(|word| word.parse().unwrap())
+                .collect()
+        };
+        let (mut cases, mut equal) = (0, 0);
+        for line in include_str!("../oracles/assignment.txt").lines().skip(1) {
+            let [seen, mapped, best, pairs] = line.split(';').map(numbers).collect::<Vec<_>>()[..]
+                .to_owned()
+                .try_into()
+                .unwrap();
+            let matches = match_lines(&frame(&seen, &mapped), 0.0);
+            let gain = |pair: &Match| (-0.5 * (pair.residual_m / GAIN_SIGMA_M).powi(2)).exp();
+            let found: f64 = matches.pairs.iter().map(gain).sum();
+            assert!(found <= best[0] + 1e-6, "{line}: {found}");
+            cases += 1;
+            equal += usize::from(
+                (found - best[0]).abs() < 1e-6 && matches.pairs.len() as f64 == pairs[0],
+            );
+        }
+        assert_eq!(cases, 1_000);
+        assert!(equal >= 990, "{equal} of {cases}");
+    }
+
+    #[test]
+    fn of_two_lines_that_go_on_in_each_other_the_longer_is_taken() {
+        let part = |line: usize, ranges: std::ops::Range<usize>, lateral_m: f64| CutLine {
+            line,
+            cuts: ranges
+                .map(|range| Cut {
+                    range,
+                    lateral_m,
+                    station_m: 0.0,
+                })
+                .collect(),
+        };
+        let cross_cut = CrossCut {
+            seen: vec![part(0, 0..10, 1.75)],
+            mapped: vec![part(0, 0..3, 1.75), part(1, 3..10, 1.85)],
+        };
+        let matches = match_lines(&cross_cut, 0.0);
+        assert_eq!(matches.pairs.len(), 1);
+        assert_eq!(matches.pairs[0].mapped, 1);
+        assert!(!matches.pairs[0].is_ambiguous);
+    }
 }

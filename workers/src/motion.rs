@@ -337,3 +337,98 @@ impl Solved {
         Some(self.motion)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A case of `oracles/smoother.txt`, which dense least squares solved.
+    #[derive(Default)]
+    struct Case {
+        fixes: Fixes,
+        yaws_rad: Vec<f64>,
+        ways_m: Vec<Option<f64>>,
+        /// East, north, turn and their covariance.
+        nodes: Vec<Vec<f64>>,
+    }
+
+    fn cases() -> Vec<Case> {
+        let mut cases: Vec<Case> = Vec::new();
+        for line in include_str!("../oracles/smoother.txt").lines().skip(1) {
+            let mut words = line.split(' ');
+            let kind = words.next().unwrap();
+            let values: Vec<f64> = words.map(|word| word.parse().unwrap()).collect();
+            if kind == "case" {
+                cases.push(Case::default());
+                continue;
+            }
+            let case = cases.last_mut().unwrap();
+            match kind {
+                "fix" => {
+                    case.fixes.stamps_ns.push((values[0] * 1e9).round() as i64);
+                    case.fixes.positions_m.push([values[1], values[2]]);
+                    case.fixes.sigmas_m.push(values[3]);
+                }
+                "yaw" => case.yaws_rad.push(values[0]),
+                "way" => case.ways_m.push(Some(values[0])),
+                _ => case.nodes.push(values),
+            }
+        }
+        cases
+    }
+
+    #[test]
+    fn agrees_with_dense_least_squares() {
+        let cases = cases();
+        assert_eq!(cases.len(), 3);
+        for case in cases {
+            let nodes = Nodes::around(0, 200_000_000 * (case.nodes.len() as i64 - 2));
+            assert_eq!(nodes.len(), case.nodes.len());
+            let mut motion = solve(&nodes, &case.fixes, &Guides::default(), None).unwrap();
+            if !case.yaws_rad.is_empty() {
+                let guides = Guides {
+                    yaws_rad: Some(&case.yaws_rad),
+                    is_independent: true,
+                    antenna_m: [0.0; 2],
+                    ways_m: &case.ways_m,
+                };
+                motion = solve(&nodes, &case.fixes, &guides, Some(&motion)).unwrap();
+            }
+            for (k, expected) in case.nodes.iter().enumerate() {
+                let [east, north] = motion.places_m[k];
+                let covariance = motion.covariances[k].iter().flatten();
+                let found = [east, north, motion.turns_rad[k]];
+                for (found, expected) in found.iter().chain(covariance).zip(expected) {
+                    assert!((found - expected).abs() < 1e-6, "{k}: {found} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_heading_holds_through_what_positions_alone_follow() {
+        // Straight on at 10 m/s; for 1.5 s the positions are 3 m aside.
+        let aside = |k: i64| if (50..60).contains(&k) { 3.0 } else { 0.0 };
+        let fixes = Fixes {
+            stamps_ns: (0..150).map(|k| k * 150_000_000).collect(),
+            positions_m: (0..150).map(|k| [1.5 * k as f64, aside(k)]).collect(),
+            sigmas_m: vec![1.5; 150],
+            set_aside: 0,
+        };
+        let nodes = Nodes::around(0, 149 * 150_000_000);
+        let alone = solve(&nodes, &fixes, &Guides::default(), None).unwrap();
+        let yaws_rad = vec![0.0; nodes.len()];
+        let guides = Guides {
+            yaws_rad: Some(&yaws_rad),
+            is_independent: true,
+            ..Guides::default()
+        };
+        let guided = solve(&nodes, &fixes, &guides, Some(&alone)).unwrap();
+        let farthest_m = |motion: &Motion| {
+            let aside = motion.places_m.iter().map(|place| place[1].abs());
+            aside.fold(0.0, f64::max)
+        };
+        assert!(farthest_m(&alone) > 2.0, "{}", farthest_m(&alone));
+        assert!(farthest_m(&guided) < 0.3, "{}", farthest_m(&guided));
+    }
+}

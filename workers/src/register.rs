@@ -9,6 +9,7 @@
 //! neighbours and of the road before and after it.
 
 use tilefold_schemas::Marking;
+use tilefold_schemas::evidence::{METHOD_VERSION, UNREGISTERED_METHOD};
 
 use crate::drift::{Drifts, Receivers, shifted};
 use crate::profile::Profile;
@@ -63,6 +64,35 @@ impl GnssError {
     ];
 }
 
+/// Whether poses are laid on the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Registering {
+    /// By the lines that were seen.
+    #[default]
+    On,
+    /// Poses are taken as they are, as the source paper does: to see what registration is worth.
+    Off,
+}
+
+impl Registering {
+    /// What evidence that is made so says of its method: the two are never added up.
+    #[must_use]
+    pub fn method(self) -> i32 {
+        match self {
+            Self::On => METHOD_VERSION,
+            Self::Off => UNREGISTERED_METHOD,
+        }
+    }
+
+    /// What evidence of a method was made with; none if this program does not make it.
+    #[must_use]
+    pub fn of_method(method: i32) -> Option<Self> {
+        [Self::On, Self::Off]
+            .into_iter()
+            .find(|registering| registering.method() == method)
+    }
+}
+
 /// The lateral error at one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Registration {
@@ -72,6 +102,15 @@ pub struct Registration {
     pub sigma_m: f64,
     /// Posterior of the chosen peak against all other offsets, in `[0, 1]`.
     pub confidence: f64,
+}
+
+impl Registration {
+    /// The pose as it is.
+    pub(crate) const NONE: Self = Self {
+        offset_m: 0.0,
+        sigma_m: 0.0,
+        confidence: 1.0,
+    };
 }
 
 /// What one frame says: the lines seen, and the map lines where its pose puts them.

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use clap::CommandFactory;
 use serde::Serialize;
 use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, overview, plots};
-use tilefold_engine::{Criteria, FusionModel, InitOptions, Meter, evaluate, init, plan, run};
+use tilefold_engine::{
+    Criteria, FusionModel, InitOptions, Meter, RunOptions, evaluate, init, plan, run,
+};
 use tilefold_formats::geojson::{read_changes_file, write_changes};
 use tilefold_formats::matching_truth::MatchingTruth;
 use tilefold_schemas::layer::ElementRow;
@@ -50,8 +52,18 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             ..
         } => plan_logs(args, store, logs),
         Command::Run {
-            store, logs, model, ..
-        } => run_logs(args, store, logs, (*model).into()),
+            store,
+            logs,
+            model,
+            registration,
+            ..
+        } => {
+            let options = RunOptions {
+                model: (*model).into(),
+                registering: (*registration).into(),
+            };
+            run_logs(args, store, logs, options)
+        }
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
         Command::Verify { store, version } => verify(args, store, *version),
@@ -158,10 +170,10 @@ pub(crate) fn run_logs(
     args: &Args,
     store: &Path,
     logs: &[PathBuf],
-    model: FusionModel,
+    options: impl Into<RunOptions>,
 ) -> Result<Outcome> {
     let progress = progress::listener(args.progress);
-    let report = run(store, logs, model, progress.as_ref())?;
+    let report = run(store, logs, options, progress.as_ref())?;
     print(args, &report, table::run)?;
     print_set_aside(&report.set_aside);
     Ok(Outcome::with(&report.set_aside))

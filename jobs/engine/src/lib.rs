@@ -21,5 +21,6 @@ pub use evaluate::{Criteria, Evaluation, evaluate};
 pub use init::{InitOptions, InitReport, init};
 pub use meter::{Meter, Stage, StageReport};
 pub use progress::{Progress, Silent};
-pub use run::{Plan, RunReport, plan, run};
+pub use run::{Plan, RunOptions, RunReport, plan, run};
 pub use tilefold_reducers::FusionModel;
+pub use tilefold_workers::Registering;

@@ -12,7 +12,7 @@ use tilefold_schemas::{
 };
 use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
-use tilefold_workers::MapContext;
+use tilefold_workers::{MapContext, Registering};
 
 use crate::base_map;
 use crate::error::EngineError;
@@ -82,16 +82,36 @@ pub fn plan(logs: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Plan {
     }
 }
 
+/// How a run is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RunOptions {
+    /// How evidence becomes a posterior.
+    pub model: FusionModel,
+    /// Whether poses are laid on the map.
+    pub registering: Registering,
+}
+
+impl From<FusionModel> for RunOptions {
+    fn from(model: FusionModel) -> Self {
+        Self {
+            model,
+            ..Self::default()
+        }
+    }
+}
+
 /// Maps what is new in `logs`, folds what it touches, and commits a version.
 ///
 /// # Errors
-/// The store cannot be read or written, or another writer was faster. Nothing has changed then.
+/// The store cannot be read or written, its evidence was made by another method, or another writer
+/// was faster. Nothing has changed then.
 pub fn run(
     location: &Path,
     logs: &[PathBuf],
-    model: FusionModel,
+    options: impl Into<RunOptions>,
     progress: &dyn Progress,
 ) -> Result<RunReport, EngineError> {
+    let RunOptions { model, registering } = options.into();
     let meter = Meter::default();
     let store = Store::open(location.to_path_buf())?;
     let snapshot = store.snapshot(None)?;
@@ -102,8 +122,10 @@ pub fn run(
     let context = MapContext {
         map: MapIndex::new(read_elements(&snapshot, tile_level)?),
         tile_level,
+        registering,
     };
     let known_rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
+    check_method(&known_rows, registering.method())?;
     let salt = &store.properties().salt;
     let mapped = map_units(
         &catalogue,
@@ -142,6 +164,17 @@ pub fn run(
     report.stages = meter.report();
     report.wall_s = meter.elapsed_s();
     Ok(report)
+}
+
+/// Evidence of two methods is never added up.
+fn check_method(known: &[ChunkRow], wanted: i32) -> Result<(), EngineError> {
+    let other = known.iter().find(|row| row.method != wanted);
+    other.map_or(Ok(()), |row| {
+        Err(EngineError::OtherMethod {
+            found: row.method,
+            wanted,
+        })
+    })
 }
 
 fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
