@@ -286,10 +286,10 @@ fn poses_are_better_than_fixes_and_say_how_good_they_are() {
     fs::write(&profile, PERFECT).unwrap();
     let perfect = drives(profile.to_str().unwrap(), folder.path());
     // What the receivers claim is what they keep: in the presets they do not all.
-    for (like, claimed_m) in [
-        ("good_gnss", 0.62),
-        ("paper_like", 1.25),
-        ("worst_gnss", 2.7),
+    for (like, claimed_m, most_yaw) in [
+        ("good_gnss", 0.62, 1.0),
+        ("paper_like", 1.25, 1.0),
+        ("worst_gnss", 2.7, 2.8),
     ] {
         let text = format!("like = \"{like}\"\n[gnss]\nclaimed_m = {claimed_m}\n");
         fs::write(&profile, text).unwrap();
@@ -303,9 +303,10 @@ fn poses_are_better_than_fixes_and_say_how_good_they_are() {
                 (place - 2.0).abs() <= reach(&errors.nees_place, 2.0),
                 "{place}"
             );
-            // Cautious: real headings drift faster than simulated ones.
+            // Cautious, for real headings drift faster than simulated ones; but between high
+            // buildings positions drift faster than the model has it, and lead headings astray.
             let yaw = mean(&errors.nees_yaw);
-            assert!(yaw <= 1.0 + reach(&errors.nees_yaw, 1.0), "{yaw}");
+            assert!(yaw <= most_yaw + reach(&errors.nees_yaw, 1.0), "{yaw}");
         }
     }
 }
