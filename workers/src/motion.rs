@@ -30,11 +30,11 @@ const GNSS_MEMORY_S: f64 = 1_250.0;
 const JUMP_FLOOR_M: f64 = 0.1;
 /// Speed to the side of a point of the vehicle, in m/s: what every vehicle has, and what a turn
 /// adds for each rad/s, the origin being some way before the axle that does not steer.
-const SIDEWAYS_M_S: f64 = 0.05;
+const SIDEWAYS_M_S: f64 = 0.1;
 const SIDEWAYS_M: f64 = 1.0;
 /// How far a heading may be off at first, in radians, and how much its bias moves in a second.
 const HEADING_BIAS: f64 = 0.2;
-const HEADING_DRIFT: f64 = 0.006;
+const HEADING_DRIFT: f64 = 0.003;
 /// Error of a wheel's speed in m/s, and as a share of it.
 const WHEEL_SIGMA_M_S: f64 = 0.05;
 const WHEEL_SHARE: f64 = 0.01;
