@@ -1,6 +1,7 @@
 //! Where every frame was placed on the map, and how each line that it saw lies beside the map before
 //! and after registration: what `benchmarks/plots` draws and counts.
 
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::fs;
@@ -29,6 +30,8 @@ const LINES_HEADER: &str = "vehicle,stamp_ns,detection,lateral_m,element_id,resi
 struct Tables {
     frames: String,
     lines: String,
+    /// What poses were made without, in how many chunks.
+    fallbacks: BTreeMap<&'static str, u64>,
 }
 
 /// Maps all `logs` against the latest version of `store` and writes the tables into `out`.
@@ -46,6 +49,7 @@ pub(crate) fn write(store: &Path, logs: &[PathBuf], out: &Path) -> Result<(), Bo
     let mut tables = Tables {
         frames: FRAMES_HEADER.to_owned(),
         lines: LINES_HEADER.to_owned(),
+        ..Tables::default()
     };
     for unit in catalogue.units() {
         let read = unit.read(&catalogue, &meter);
@@ -58,6 +62,9 @@ pub(crate) fn write(store: &Path, logs: &[PathBuf], out: &Path) -> Result<(), Bo
                 }
             }
         }
+    }
+    for (why, chunks) in &tables.fallbacks {
+        eprintln!("{chunks} chunks: {why}");
     }
     fs::create_dir_all(out)?;
     fs::write(out.join("frames.csv"), tables.frames)?;
@@ -80,6 +87,9 @@ impl Tables {
         let Ok(trajectory) = Trajectory::estimate(&chunk.recording, &local, &tree) else {
             return Ok(());
         };
+        for why in trajectory.sources.fallbacks() {
+            *self.fallbacks.entry(why).or_default() += 1;
+        }
         let mut result = Ok(());
         let placed = map_chunk_traced(chunk, context, |frame, map| {
             let row = self.frame(vehicle, frame, &local, &trajectory);

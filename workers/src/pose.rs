@@ -385,3 +385,189 @@ fn ways_m(nodes: &Nodes, speeds: &Signal, motion: &Motion) -> (WheelUse, Vec<Opt
     let scaled = ways.into_iter().map(|way| way.map(|way| way / scale));
     (WheelUse::Used, scaled.collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use tilefold_schemas::log::{FramePose, Imu, Odometry};
+    use tilefold_tiler::recording::Stamped;
+
+    const TENTH_NS: i64 = 100_000_000;
+
+    fn stamped<T>(tenth: i64, value: T) -> Stamped<T> {
+        Stamped {
+            stamp_ns: tenth * TENTH_NS,
+            frame_id: String::new(),
+            digest: tenth,
+            value,
+        }
+    }
+
+    fn fix(local: &LocalFrame, place_m: [f64; 2]) -> GnssFix {
+        let [longitude_deg, latitude_deg, _] = local.to_wgs84([place_m[0], place_m[1], 0.0]);
+        GnssFix {
+            latitude_deg,
+            longitude_deg,
+            altitude_m: 0.0,
+            covariance_enu_m2: None,
+            has_fix: true,
+        }
+    }
+
+    fn heading(yaw_rad: f64, rate_rad_s: Option<f64>) -> Imu {
+        let (sin, cos) = (0.5 * yaw_rad).sin_cos();
+        Imu {
+            orientation: Some([0.0, 0.0, sin, cos]),
+            yaw_variance_rad2: None,
+            angular_velocity_rad_s: rate_rad_s.map(|rate| [0.0, 0.0, rate]),
+        }
+    }
+
+    fn speed(metres_s: f64) -> Odometry {
+        Odometry {
+            pose: FramePose {
+                position_m: [0.0; 3],
+                orientation: [0.0, 0.0, 0.0, 1.0],
+            },
+            linear_velocity_m_s: [metres_s, 0.0, 0.0],
+            angular_velocity_rad_s: [0.0; 3],
+        }
+    }
+
+    fn local() -> LocalFrame {
+        LocalFrame::new([10.0, 50.0, 0.0])
+    }
+
+    /// 20 s to the north-east at 10 m/s, standing for the last 5.
+    fn way_m(tenth: i64) -> f64 {
+        tenth.min(150) as f64
+    }
+
+    fn on_way() -> Recording {
+        let local = local();
+        let place = |tenth| [0.6 * way_m(tenth), 0.8 * way_m(tenth)];
+        Recording {
+            fixes: (0..200)
+                .map(|t| stamped(t, fix(&local, place(t))))
+                .collect(),
+            ..Recording::default()
+        }
+    }
+
+    fn estimate(recording: &Recording) -> Trajectory {
+        Trajectory::estimate(recording, &local(), &FrameTree::default()).unwrap()
+    }
+
+    #[test]
+    fn without_orientations_the_course_leads_and_is_kept_standing() {
+        let trajectory = estimate(&on_way());
+        assert_eq!(trajectory.sources.heading, Some(HeadingSource::Course));
+        assert_eq!(trajectory.sources.fallbacks().count(), 3);
+        for tenth in [50, 120, 190] {
+            let pose = trajectory.at(tenth * TENTH_NS).unwrap();
+            assert!((pose.yaw_rad - 0.8_f64.atan2(0.6)).abs() < 0.01, "{pose:?}");
+            assert!((pose.east_m - 0.6 * way_m(tenth)).abs() < 0.1, "{pose:?}");
+        }
+    }
+
+    #[test]
+    fn a_heading_that_is_askew_is_set_right_by_the_way() {
+        let mut recording = on_way();
+        let yaw = 0.8_f64.atan2(0.6);
+        recording.imu = (0..200)
+            .map(|t| stamped(t, heading(yaw + 0.1, None)))
+            .collect();
+        let trajectory = estimate(&recording);
+        assert_eq!(trajectory.sources.heading, Some(HeadingSource::Orientation));
+        let found = trajectory.at(80 * TENTH_NS).unwrap().yaw_rad;
+        assert!((found - yaw).abs() < 0.01, "{found} {yaw}");
+    }
+
+    #[test]
+    fn sensors_that_contradict_are_refused_with_a_reason() {
+        let mut recording = on_way();
+        let yaw = |t: i64| (0.05 * t as f64).sin();
+        let rate = |t: i64| 0.5 * (0.05 * t as f64).cos();
+        recording.imu = (0..200)
+            .map(|t| stamped(t, heading(yaw(t), Some(-rate(t)))))
+            .collect();
+        recording.odometry = (0..200)
+            .map(|t| stamped(t, speed(36.0 + t as f64 % 2.0)))
+            .collect();
+        let sources = estimate(&recording).sources;
+        assert_eq!(
+            (sources.gyro, sources.wheels),
+            (GyroUse::Refused, WheelUse::Refused)
+        );
+        recording.imu = (0..200)
+            .map(|t| stamped(t, heading(yaw(t), Some(rate(t)))))
+            .collect();
+        recording.odometry = (0..200)
+            .map(|t| stamped(t, speed(if t < 150 { 10.2 } else { 0.0 })))
+            .collect();
+        let sources = estimate(&recording).sources;
+        assert_eq!(
+            (sources.gyro, sources.wheels),
+            (GyroUse::Used, WheelUse::Used)
+        );
+        assert_eq!(sources.fallbacks().count(), 0);
+    }
+
+    #[test]
+    fn wheels_lead_through_a_gap() {
+        let mut recording = on_way();
+        recording
+            .fixes
+            .retain(|fix| !(40..90).contains(&(fix.stamp_ns / TENTH_NS)));
+        let middle_ns = 65 * TENTH_NS;
+        assert_eq!(estimate(&recording).at(middle_ns), None);
+        let yaw = 0.8_f64.atan2(0.6);
+        recording.imu = (0..200).map(|t| stamped(t, heading(yaw, None))).collect();
+        recording.odometry = (0..200)
+            .map(|t| stamped(t, speed(if t < 150 { 10.0 } else { 0.0 })))
+            .collect();
+        let trajectory = estimate(&recording);
+        let pose = trajectory.at(middle_ns).unwrap();
+        assert!((pose.east_m - 39.0).abs() < 0.3, "{pose:?}");
+        let variance = |at_ns| trajectory.covariance(at_ns).unwrap()[0][0];
+        assert!(variance(middle_ns) >= variance(20 * TENTH_NS));
+    }
+
+    #[test]
+    fn who_never_moves_has_no_heading() {
+        let mut recording = on_way();
+        let first = recording.fixes[0].value.clone();
+        for fix in &mut recording.fixes {
+            fix.value = first.clone();
+        }
+        let trajectory = estimate(&recording);
+        assert_eq!(trajectory.sources.heading, None);
+        assert_eq!(trajectory.at(50 * TENTH_NS), None);
+    }
+
+    proptest! {
+        /// Repeated stamps, steps back, jumps and gaps: no pose is off by what one fix is off by.
+        #[test]
+        fn a_few_wrong_fixes_do_not_matter(
+            wrong in prop::collection::btree_map(10_i64..140, (-30.0..30.0_f64, -30.0..30.0_f64), 0..8),
+        ) {
+            let mut recording = on_way();
+            let local = local();
+            for (&tenth, &(east, north)) in &wrong {
+                let place_m = [0.6 * way_m(tenth) + east, 0.8 * way_m(tenth) + north];
+                recording.fixes[tenth as usize].value = fix(&local, place_m);
+            }
+            let copy = recording.fixes[20].clone();
+            recording.fixes.insert(20, copy);
+            let trajectory = estimate(&recording);
+            prop_assert!(trajectory.fixes_set_aside >= 1);
+            for tenth in 10..140 {
+                let pose = trajectory.at(tenth * TENTH_NS).unwrap();
+                let (east_m, north_m) = (0.6 * way_m(tenth), 0.8 * way_m(tenth));
+                let off_m = (pose.east_m - east_m).hypot(pose.north_m - north_m);
+                prop_assert!(off_m < 1.0, "{tenth}: {off_m}");
+            }
+        }
+    }
+}
