@@ -5,7 +5,7 @@ STRtree, each line that was seen cut against the map lines near it at the same r
 and a robust rigid correction to the side for each window of 40 m by a search over offsets. No clock offset, no drift
 model, no visibility: it does less than the map stage of Tilefold does.
 
-    python match_and_register.py MAP.osm LOGS... [--lag SECONDS] [--json FIGURES.json]
+    python match_and_register.py MAP.osm LOGS... [--lag SECONDS] [--by-one] [--json FIGURES.json]
 
 Reading logs is not timed. One process, one thread (set OMP_NUM_THREADS=1).
 """
@@ -104,7 +104,7 @@ def cut(line):
     return np.interp(RANGES_M, line[order, 0], line[order, 1], left=np.nan, right=np.nan)
 
 
-def project(pose, tree, geometries):
+def project(pose, tree, geometries, by_one):
     """Lateral positions of the map lines around a pose, by index."""
     x, y, yaw = pose
     forward, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
@@ -112,7 +112,11 @@ def project(pose, tree, geometries):
     middles = np.array([x, y]) + RANGES_M[:, None] * forward
     across = shapely.linestrings(np.stack([middles - SIDE_M * left, middles + SIDE_M * left], axis=1))
     near = tree.query(box(*(centre - 20), *(centre + 20)))
-    crossings = shapely.intersection(geometries[near][:, None], across)
+    if by_one:
+        crossings = np.array([[geometries[index].intersection(line) for line in across] for index in near])
+        crossings = crossings.reshape(len(near), len(RANGES_M))
+    else:
+        crossings = shapely.intersection(geometries[near][:, None], across)
     # Lines that cross twice, or run along, are left out.
     x = np.where(shapely.get_type_id(crossings) == 0, shapely.get_x(crossings), np.nan)
     y = np.where(shapely.get_type_id(crossings) == 0, shapely.get_y(crossings), np.nan)
@@ -150,14 +154,14 @@ def register(window):
     return OFFSETS_M[np.argmax(votes - 0.02 * OFFSETS_M**2 * len(window))]
 
 
-def drive(log, lag, plane, tree, geometries, seconds):
+def drive(log, lag, plane, tree, geometries, by_one, seconds):
     fixes, yaws, frames = log
     clock = time.perf_counter()
     inside, at = poses(fixes, yaws, np.array([stamp for stamp, _ in frames]) - lag, plane)
     seconds["pose"] += time.perf_counter() - clock
     clock = time.perf_counter()
     seen = [[cut(line) for line in lines] for _, lines in frames]
-    mapped = [project(pose, tree, geometries) if ok else {} for ok, pose in zip(inside, at)]
+    mapped = [project(pose, tree, geometries, by_one) if ok else {} for ok, pose in zip(inside, at)]
     seconds["project"] += time.perf_counter() - clock
     clock = time.perf_counter()
     way = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(at[:, :2], axis=0).T))])
@@ -177,6 +181,7 @@ def main():
     parser.add_argument("map", type=Path)
     parser.add_argument("logs", nargs="+", type=Path)
     parser.add_argument("--lag", type=float, default=0.0)
+    parser.add_argument("--by-one", action="store_true", help="one shapely call for each line and range")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     ways = read_map(args.map)
@@ -189,7 +194,7 @@ def main():
     for path in args.logs:
         log = read_log(path)
         if len(log[0]) >= 30 and len(log[1]) >= 2 and log[2]:
-            placed, found = drive(log, args.lag, plane, tree, geometries, seconds)
+            placed, found = drive(log, args.lag, plane, tree, geometries, args.by_one, seconds)
             frames += placed
             residuals += found
     total = sum(seconds.values())

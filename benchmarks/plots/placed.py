@@ -92,7 +92,7 @@ def draw(frames, lines, of_line, map_path, picture):
     left = np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
     place = np.stack([x, y], axis=1)
     sure = frames["confidence"][of_line] >= 0.9
-    figure, axes = plt.subplots(2, 1, figsize=(11, 8), sharex=True, sharey=True)
+    figure, axes = plt.subplots(2, 1, figsize=(11, 6.4), sharex=True, sharey=True)
     for axis, shift, title in ((axes[0], 0.0, "as positions have it"), (axes[1], 1.0, "registered")):
         at = place + AHEAD_M * forward + shift * offset[:, None] * left
         seen = at[of_line] + lines["lateral_m"][:, None] * left[of_line]
@@ -105,9 +105,9 @@ def draw(frames, lines, of_line, map_path, picture):
     spot = np.median((seen @ along)[np.abs(seen @ along) < 300])
     middle = np.median((seen @ across)[np.abs(seen @ along - spot) < 40])
     axes[1].set_xlim(spot - 60, spot + 60)
-    axes[1].set_ylim(middle - 11, middle + 11)
+    axes[1].set_ylim(middle - 6, middle + 6)
     axes[1].set_xlabel("along the road, m")
-    figure.suptitle("Lines seen by all drives (orange) on the map before its edits (black)", fontsize=11)
+    figure.suptitle("Lines seen by all drives (orange) on the surveyed map (black)", fontsize=11)
     figure.tight_layout()
     figure.savefig(picture, dpi=130)
 
