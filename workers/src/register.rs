@@ -47,19 +47,30 @@ pub struct GnssError {
     pub sigma_m: f64,
     /// Time over which it forgets, in seconds.
     pub memory_s: f64,
+    /// By how much it must explain a chunk better than the first kind, in nats. An error that is
+    /// large and stays is also what edits of several lines beside each other look like.
+    pub handicap_nats: f64,
 }
 
 impl GnssError {
-    /// The receivers that are told apart: good ones (corrected, or coupled with inertia) and
-    /// ordinary ones. Which one a drive has is decided by what explains it better.
-    pub const KINDS: [Self; 2] = [
+    /// The receivers that are told apart: good ones (corrected, or coupled with inertia), ordinary
+    /// ones whose error stays for minutes, and those between high buildings. Which one a drive has
+    /// is decided by what explains it better.
+    pub const KINDS: [Self; 3] = [
         Self {
             sigma_m: 0.4,
             memory_s: 50.0,
+            handicap_nats: 0.0,
+        },
+        Self {
+            sigma_m: 1.4,
+            memory_s: 300.0,
+            handicap_nats: 12.0,
         },
         Self {
             sigma_m: 1.4,
             memory_s: 30.0,
+            handicap_nats: 0.0,
         },
     ];
 }
@@ -134,15 +145,17 @@ pub fn register(glances: &[Glance<'_>]) -> Vec<Registration> {
     if steps.is_empty() {
         return Vec::new();
     }
-    let Receivers([better, ordinary]) = &mut Receivers::default();
-    let log_likelihood = |drifts: &mut Drifts| forward(&steps, drifts, |_| ());
-    // The first of equals, so that nothing to go by means the better receiver.
-    let best = if log_likelihood(ordinary) > log_likelihood(better) {
-        ordinary
-    } else {
-        better
-    };
-    let peaks: Vec<Registration> = posterior(&steps, best).iter().map(peak).collect();
+    let Receivers(kinds) = &mut Receivers::default();
+    let mut best = (f64::NEG_INFINITY, 0);
+    for (kind, drifts) in kinds.iter_mut().enumerate() {
+        let nats = forward(&steps, drifts, |_| ());
+        // The first of equals, so that nothing to go by means the better receiver.
+        if nats > best.0 {
+            best = (nats, kind);
+        }
+    }
+    let posterior = posterior(&steps, &mut kinds[best.1]);
+    let peaks: Vec<Registration> = posterior.iter().map(peak).collect();
     glances
         .iter()
         .map(|glance| interpolate(&steps, &peaks, glance.stamp_ns))
@@ -285,7 +298,7 @@ fn near(centre_m: f64, reach_m: f64) -> std::ops::Range<usize> {
 /// The forward pass of the chain under one kind of GNSS error: shows the belief at each step,
 /// given the steps up to it, and returns the log-likelihood of all.
 fn forward(steps: &[Step], drifts: &mut Drifts, mut show: impl FnMut(&Offsets)) -> f64 {
-    let mut log_likelihood = 0.0;
+    let mut log_likelihood = -drifts.error.handicap_nats;
     let mut belief = drifts.stationary;
     for (index, step) in steps.iter().enumerate() {
         if index > 0 {
