@@ -45,10 +45,10 @@ impl<const N: usize> Banded<N> {
                 row[d] = value;
             }
             let mut pivot = row[0];
-            for d in 1..N.min(i + 1) {
-                let scaled = row[d] / self.rows[i - d][0];
-                pivot -= row[d] * scaled;
-                row[d] = scaled;
+            for (d, value) in row.iter_mut().enumerate().take(i + 1).skip(1) {
+                let scaled = *value / self.rows[i - d][0];
+                pivot -= *value * scaled;
+                *value = scaled;
             }
             if pivot.is_nan() || pivot <= 0.0 {
                 return None;
