@@ -1,9 +1,11 @@
 //! Benchmarks: `cargo run --release -p tilefold-benchmarks -- accuracy`.
 //!
 //! `suite` says which cities are driven through, `accuracy` runs them and keeps raw results,
+//! `placed` writes where every frame was placed on the map,
 //! `report` makes the page of the book from raw results and says whether it is up to date.
 
 mod accuracy;
+mod placed;
 mod report;
 mod suite;
 
@@ -43,6 +45,18 @@ enum Command {
         #[arg(long, requires = "report")]
         check: bool,
     },
+    /// Writes where each frame was placed on the map of a store, and how each line that it saw lies
+    /// beside the map: `frames.csv` and `lines.csv`.
+    Placed {
+        /// The store.
+        store: PathBuf,
+        /// MCAP files, or folders of them.
+        #[arg(required = true)]
+        logs: Vec<PathBuf>,
+        /// Folder of the two files.
+        #[arg(long)]
+        out: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -75,5 +89,6 @@ fn run(command: &Command) -> Result<(), Box<dyn Error>> {
             }
             Ok(())
         }
+        Command::Placed { store, logs, out } => placed::write(store, logs, out),
     }
 }

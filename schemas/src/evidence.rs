@@ -6,6 +6,9 @@ use crate::table;
 /// Version of the map stage's method. Rows of different versions are never added up.
 pub const METHOD_VERSION: i32 = 3;
 
+/// The same method without registration: what poses alone are worth.
+pub const UNREGISTERED_METHOD: i32 = METHOD_VERSION + 1_000;
+
 /// Bins of [`EvidenceRow::seen`]: codes of [`crate::Marking`] for lines, of [`crate::SignClass`]
 /// for ground signs.
 pub const CLASS_BINS: usize = 13;

@@ -49,6 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let context = MapContext {
         map: MapIndex::new(mapped.collect::<Result<_, _>>()?),
         tile_level: TILE_LEVEL,
+        registering: tilefold_workers::Registering::On,
     };
     let mut drive = Measured::new(&context, &recording)?;
     for window in chunk::windows(&recording) {

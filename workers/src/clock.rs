@@ -13,7 +13,7 @@ use crate::drift::Receivers;
 use crate::local_map::{LocalMap, Near};
 use crate::look::SeenFrame;
 use crate::pose::Trajectory;
-use crate::profile::{Profile, profiles};
+use crate::profile::{Profile, seen_profiles};
 use crate::register::{Glance, log_likelihood};
 
 /// Grid of times, in nanoseconds: frames, poses and lags are sampled on it.
@@ -122,7 +122,7 @@ impl Cells {
         for frame in frames {
             let cell = &mut seen[(cell_of(frame.stamp_ns) - first) as usize];
             if cell.is_none() {
-                *cell = Some(profiles(&cut_seen(&frame.lines)));
+                *cell = Some(seen_profiles(&cut_seen(&frame.lines), &frame.lines));
             }
         }
         let mut near = Near::default();
@@ -131,7 +131,7 @@ impl Cells {
                 let pose = trajectory.at(cell * CELL_NS + CELL_NS / 2)?;
                 Some((
                     [pose.east_m, pose.north_m],
-                    profiles(&cut_map(&pose, map, &mut near)),
+                    map.profiles(&cut_map(&pose, map, &mut near)),
                 ))
             })
             .collect();

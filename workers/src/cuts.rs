@@ -206,8 +206,8 @@ pub struct Against {
     pub mean_square_m2: f64,
     /// Difference of their slopes (tangent), 0 with fewer than two common cuts.
     pub slope: f64,
-    /// Common cuts.
-    pub cuts: usize,
+    /// From the first to the last common cut, in metres.
+    pub extent_m: f64,
 }
 
 impl Against {
@@ -216,6 +216,7 @@ impl Against {
     pub fn new(seen: &CutLine, mapped: &CutLine) -> Option<Self> {
         let (mut n, mut sum, mut square, mut sum_x, mut sum_xx, mut sum_xy) =
             (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let (mut first_m, mut last_m) = (f64::INFINITY, 0.0);
         let mut others = mapped.cuts.iter().peekable();
         for cut in &seen.cuts {
             while others.next_if(|other| other.range < cut.range).is_some() {}
@@ -224,6 +225,8 @@ impl Against {
             };
             let offset = cut.lateral_m - other.lateral_m;
             let x = RANGES_M[cut.range];
+            first_m = x.min(first_m);
+            last_m = x;
             n += 1.0;
             sum += offset;
             square += offset * offset;
@@ -240,7 +243,7 @@ impl Against {
             } else {
                 0.0
             },
-            cuts: n as usize,
+            extent_m: last_m - first_m,
         })
     }
 }

@@ -20,7 +20,7 @@ impl Default for Receivers {
 /// The drifts of one kind of GNSS error. Steps are mostly equally far apart, and a drift takes
 /// two thousand exponentials, so each is worked out once.
 pub(crate) struct Drifts {
-    error: GnssError,
+    pub(crate) error: GnssError,
     /// What GNSS says of the offset.
     pub(crate) stationary: Offsets,
     by_time_ns: BTreeMap<i64, Drift>,

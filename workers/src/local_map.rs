@@ -8,6 +8,9 @@ use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
 use tilefold_tiler::station::Polyline;
 
+use crate::cuts::CutLine;
+use crate::profile::{Profile, profiles};
+
 /// Mean radius of the earth in metres; only for how far to look in degrees.
 const EARTH_RADIUS_M: f64 = 6_371_000.0;
 
@@ -63,6 +66,12 @@ pub struct NearSegment {
 }
 
 impl<'a> LocalMap<'a> {
+    /// The profiles of cuts of its lines.
+    #[must_use]
+    pub fn profiles(&self, cuts: &[CutLine]) -> Vec<Profile> {
+        profiles(cuts, |line| self.lines[line].mapped.element.marking)
+    }
+
     /// The lane markings whose bounding box comes within `reach_m` of the box of `places` (east,
     /// north in `frame`).
     #[must_use]

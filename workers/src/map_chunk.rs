@@ -15,8 +15,8 @@ use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::mounting::{self, Mounting};
 use crate::pose::{PoseError, Trajectory};
-use crate::profile::{Profile, profiles};
-use crate::register::{Glance, Registration, register};
+use crate::profile::{Profile, seen_profiles};
+use crate::register::{Glance, Registering, Registration, register};
 use crate::scale;
 use crate::sight::Sightings;
 use crate::surface::Heights;
@@ -33,6 +33,8 @@ pub struct MapContext {
     pub map: MapIndex,
     /// Level of the tiles that evidence is keyed by.
     pub tile_level: u32,
+    /// Whether poses are laid on the map.
+    pub registering: Registering,
 }
 
 /// What a chunk testifies.
@@ -53,6 +55,13 @@ pub struct Evidence {
 }
 
 impl Evidence {
+    /// Says by which method it was made.
+    fn sign(&mut self, method: i32) {
+        self.rows.iter_mut().for_each(|row| row.method = method);
+        (self.sightings.iter_mut()).for_each(|sighting| sighting.method = method);
+        (self.footprints.iter_mut()).for_each(|footprint| footprint.method = method);
+    }
+
     fn add_areas(&mut self, areas: AreaEvidence) {
         self.rows.extend(areas.rows);
         self.sightings.extend(areas.sightings);
@@ -112,8 +121,8 @@ pub fn map_chunk_traced(
         casting.cast(pixels, &mut looks);
     }
     let mut cross_cuts = cut(&looks, &map);
-    let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.mapped)).collect();
-    let mut registrations = lay_on_map(&looks, &cross_cuts, &mapped);
+    let mapped: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| map.profiles(&c.mapped)).collect();
+    let mut registrations = lay_on_map(&looks, &cross_cuts, &mapped, context.registering);
     let mut factor = 1.0;
     // A camera's mounting is more than the scale to the sides.
     if casting.is_none() {
@@ -125,7 +134,7 @@ pub fn map_chunk_traced(
         for (cross_cut, look) in cross_cuts.iter_mut().zip(&looks) {
             cross_cut.seen = cut_seen(&look.lines);
         }
-        registrations = lay_on_map(&looks, &cross_cuts, &mapped);
+        registrations = lay_on_map(&looks, &cross_cuts, &mapped, context.registering);
     }
     for registration in &mut registrations {
         registration.confidence *= clock.confidence;
@@ -196,6 +205,7 @@ pub fn map_chunk_traced(
         .map(|look| [look.pose.east_m, look.pose.north_m]);
     let mapped_areas = areas::mapped::around(&context.map, &local_frame, places, MAP_REACH_M);
     evidence.add_areas(areas::confront(whose, &mapped_areas, &glimpses).unwrap_or_default());
+    evidence.sign(context.registering.method());
     Ok(evidence)
 }
 
@@ -213,8 +223,14 @@ fn lay_on_map(
     looks: &[Look],
     cross_cuts: &[CrossCut],
     mapped: &[Vec<Profile>],
+    registering: Registering,
 ) -> Vec<Registration> {
-    let seen: Vec<Vec<Profile>> = cross_cuts.iter().map(|c| profiles(&c.seen)).collect();
+    if registering == Registering::Off {
+        return vec![Registration::NONE; looks.len()];
+    }
+    let seen: Vec<Vec<Profile>> = (looks.iter().zip(cross_cuts))
+        .map(|(look, cross_cut)| seen_profiles(&cross_cut.seen, &look.lines))
+        .collect();
     let glances: Vec<Glance<'_>> = looks
         .iter()
         .zip(seen.iter().zip(mapped))

@@ -14,7 +14,6 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::camera::Camera;
 use crate::clock;
-use crate::cuts::CrossCut;
 use crate::local_map::LocalMap;
 use crate::look::{Look, SeenFrame, place};
 use crate::map_chunk::cut;
@@ -87,7 +86,7 @@ pub fn settle(
     loop {
         let (looks, _) = place(frames.to_vec(), trajectory, lag_ns);
         let stated = pixels.cast_on(heights, &looks);
-        let (refined, mounting) = refine(pixels, stated, &looks, &cut(&looks, map));
+        let (refined, mounting) = refine(pixels, stated, &looks, map);
         for frame in frames.iter_mut() {
             frame.lines = pixels.lines(frame.stamp_ns, &refined.camera, &Surface::FLAT);
         }
@@ -100,16 +99,16 @@ pub fn settle(
     }
 }
 
-/// Refines the mounting of a camera over the looks of a chunk, whose map lines are those of
-/// `cross_cuts`. `stated` is the camera as the log has it, and the road.
+/// Refines the mounting of a camera over the looks of a chunk. `stated` is the camera as the log has it, and the road.
 #[must_use]
 pub fn refine(
     pixels: &Pixels,
     stated: Casting,
     looks: &[Look],
-    cross_cuts: &[CrossCut],
+    map: &LocalMap<'_>,
 ) -> (Casting, Mounting) {
-    let mounting = Drive::new(pixels, &stated, looks, cross_cuts).mounting();
+    let cross_cuts = cut(looks, map);
+    let mounting = Drive::new(pixels, &stated, looks, &cross_cuts, map).mounting();
     let camera = corrected(&stated.camera, mounting.correction);
     (Casting { camera, ..stated }, mounting)
 }

@@ -3,13 +3,18 @@
 //! Registration compares every seen line with every map line around it, under every lag between
 //! the clocks. All it asks is how far beside each other two lines lie on average.
 
+use tilefold_schemas::Marking;
+
 use crate::cuts::{CutLine, RANGES_M};
+use crate::look::SeenLine;
 
 /// A line by its lateral positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// Mean lateral position, in metres.
     pub lateral_m: f64,
+    /// How it is painted, as far as is known.
+    pub marking: Marking,
     /// Lateral positions by range, in metres; 0 where the line was not cut.
     laterals_m: [f64; RANGES_M.len()],
     /// Ranges at which the line was cut: bit `k` is range `k`.
@@ -21,9 +26,10 @@ pub struct Profile {
 impl Profile {
     /// The profile of a line.
     #[must_use]
-    pub fn new(line: &CutLine) -> Self {
+    pub fn new(line: &CutLine, marking: Marking) -> Self {
         let mut profile = Self {
             lateral_m: line.lateral_m(),
+            marking,
             laterals_m: [0.0; RANGES_M.len()],
             ranges: 0,
             bounds_m: [f64::INFINITY, f64::NEG_INFINITY],
@@ -59,10 +65,17 @@ impl Profile {
     }
 }
 
-/// The profiles of lines, in their order.
+/// The profiles of cuts of `lines` that were seen.
 #[must_use]
-pub fn profiles(lines: &[CutLine]) -> Vec<Profile> {
-    lines.iter().map(Profile::new).collect()
+pub fn seen_profiles(cuts: &[CutLine], lines: &[SeenLine]) -> Vec<Profile> {
+    profiles(cuts, |line| lines[line].marking)
+}
+
+/// The profiles of lines, in their order; `marking_of` knows how line `i` is painted.
+#[must_use]
+pub fn profiles(lines: &[CutLine], marking_of: impl Fn(usize) -> Marking) -> Vec<Profile> {
+    let profile = |line: &CutLine| Profile::new(line, marking_of(line.line));
+    lines.iter().map(profile).collect()
 }
 
 #[cfg(test)]
@@ -95,7 +108,7 @@ mod tests {
             let seen = line(ranges.0, laterals_m.0, 0.0);
             let mapped = line(ranges.1, laterals_m.1, slope);
             let expected = Against::new(&seen, &mapped).map(|against| against.offset_m);
-            let [seen, mapped] = [seen, mapped].map(|line| Profile::new(&line));
+            let [seen, mapped] = [seen, mapped].map(|line| Profile::new(&line, Marking::Unknown));
             prop_assert_eq!(seen.offset_from(&mapped, 100.0), expected);
             // What is left out for being far is far.
             let near = seen.offset_from(&mapped, 2.0);

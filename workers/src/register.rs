@@ -8,6 +8,9 @@
 //! with a low confidence instead of a wrong pick. An edited line is one vote against those of its
 //! neighbours and of the road before and after it.
 
+use tilefold_schemas::Marking;
+use tilefold_schemas::evidence::{METHOD_VERSION, UNREGISTERED_METHOD};
+
 use crate::drift::{Drifts, Receivers, shifted};
 use crate::profile::Profile;
 use crate::visibility::line_sigma_m;
@@ -22,6 +25,10 @@ pub(crate) const STATES: usize = 101;
 const STEP_NS: i64 = 500_000_000;
 /// Share of seen lines that belong to no map line (clutter, edits).
 const OUTLIERS: f64 = 0.3;
+/// How much likelier than by chance a seen line agrees with its map line on how it is painted, and
+/// differs from it, where both say so: detectors misread paint, and paint is renewed otherwise.
+const AGREES: f64 = 1.6;
+const DIFFERS: f64 = 0.3;
 /// Clutter lies anywhere over this width, in metres.
 const CLUTTER_WIDTH_M: f64 = 10.0;
 /// Independent looks that one step is worth, however many frames it has: frames of seconds see the
@@ -40,21 +47,61 @@ pub struct GnssError {
     pub sigma_m: f64,
     /// Time over which it forgets, in seconds.
     pub memory_s: f64,
+    /// By how much it must explain a chunk better than the first kind, in nats. An error that is
+    /// large and stays is also what edits of several lines beside each other look like.
+    pub handicap_nats: f64,
 }
 
 impl GnssError {
-    /// The receivers that are told apart: good ones (corrected, or coupled with inertia) and
-    /// ordinary ones. Which one a drive has is decided by what explains it better.
-    pub const KINDS: [Self; 2] = [
+    /// The receivers that are told apart: good ones (corrected, or coupled with inertia), ordinary
+    /// ones whose error stays for minutes, and those between high buildings. Which one a drive has
+    /// is decided by what explains it better.
+    pub const KINDS: [Self; 3] = [
         Self {
             sigma_m: 0.4,
             memory_s: 50.0,
+            handicap_nats: 0.0,
+        },
+        Self {
+            sigma_m: 1.4,
+            memory_s: 300.0,
+            handicap_nats: 12.0,
         },
         Self {
             sigma_m: 1.4,
             memory_s: 30.0,
+            handicap_nats: 0.0,
         },
     ];
+}
+
+/// Whether poses are laid on the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Registering {
+    /// By the lines that were seen.
+    #[default]
+    On,
+    /// Poses are taken as they are, as the source paper does: to see what registration is worth.
+    Off,
+}
+
+impl Registering {
+    /// What evidence that is made so says of its method: the two are never added up.
+    #[must_use]
+    pub fn method(self) -> i32 {
+        match self {
+            Self::On => METHOD_VERSION,
+            Self::Off => UNREGISTERED_METHOD,
+        }
+    }
+
+    /// What evidence of a method was made with; none if this program does not make it.
+    #[must_use]
+    pub fn of_method(method: i32) -> Option<Self> {
+        [Self::On, Self::Off]
+            .into_iter()
+            .find(|registering| registering.method() == method)
+    }
 }
 
 /// The lateral error at one frame.
@@ -66,6 +113,15 @@ pub struct Registration {
     pub sigma_m: f64,
     /// Posterior of the chosen peak against all other offsets, in `[0, 1]`.
     pub confidence: f64,
+}
+
+impl Registration {
+    /// The pose as it is.
+    pub(crate) const NONE: Self = Self {
+        offset_m: 0.0,
+        sigma_m: 0.0,
+        confidence: 1.0,
+    };
 }
 
 /// What one frame says: the lines seen, and the map lines where its pose puts them.
@@ -89,15 +145,17 @@ pub fn register(glances: &[Glance<'_>]) -> Vec<Registration> {
     if steps.is_empty() {
         return Vec::new();
     }
-    let Receivers([better, ordinary]) = &mut Receivers::default();
-    let log_likelihood = |drifts: &mut Drifts| forward(&steps, drifts, |_| ());
-    // The first of equals, so that nothing to go by means the better receiver.
-    let best = if log_likelihood(ordinary) > log_likelihood(better) {
-        ordinary
-    } else {
-        better
-    };
-    let peaks: Vec<Registration> = posterior(&steps, best).iter().map(peak).collect();
+    let Receivers(kinds) = &mut Receivers::default();
+    let mut best = (f64::NEG_INFINITY, 0);
+    for (kind, drifts) in kinds.iter_mut().enumerate() {
+        let nats = forward(&steps, drifts, |_| ());
+        // The first of equals, so that nothing to go by means the better receiver.
+        if nats > best.0 {
+            best = (nats, kind);
+        }
+    }
+    let posterior = posterior(&steps, &mut kinds[best.1]);
+    let peaks: Vec<Registration> = posterior.iter().map(peak).collect();
     glances
         .iter()
         .map(|glance| interpolate(&steps, &peaks, glance.stamp_ns))
@@ -184,7 +242,7 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
     let sigma_m = line_sigma_m(seen.lateral_m);
     let height = (1.0 - OUTLIERS) / (sigma_m * std::f64::consts::TAU.sqrt());
     let reach_m = 4.0 * sigma_m;
-    // Squared distance to the nearest map line in sigmas, and the states that have one nearby.
+    // Squared distance to the likeliest map line in sigmas, and the states that have one nearby.
     let mut squares = [f64::INFINITY; STATES];
     let mut voted: u128 = 0;
     for mapped in mapped {
@@ -193,10 +251,11 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
             continue;
         };
         let states = near(-offset, reach_m);
+        let penalty = paint_penalty(seen.marking, mapped.marking);
         voted |= ((1 << states.len()) - 1) << states.start;
         for (square, state) in squares[states.clone()].iter_mut().zip(states) {
             let z = (offset_m(state) + offset) / sigma_m;
-            *square = square.min(z * z);
+            *square = square.min(z * z + penalty);
         }
     }
     let mut votes = [nobody; STATES];
@@ -208,6 +267,21 @@ fn vote(seen: &Profile, mapped: &[Profile], share: f64, nobody: f64, sum: &mut O
     }
     for (sum, vote) in sum.iter_mut().zip(votes) {
         *sum += vote;
+    }
+}
+
+/// What is added to a squared distance in sigmas for how two lines are painted.
+fn paint_penalty(seen: Marking, mapped: Marking) -> f64 {
+    let kind = |marking| match marking {
+        Marking::Unknown | Marking::Other => None,
+        // Which side is solid depends on the direction of the map's line.
+        Marking::DashedSolid => Some(Marking::SolidDashed),
+        known => Some(known),
+    };
+    match (kind(seen), kind(mapped)) {
+        (Some(seen), Some(mapped)) if seen == mapped => -2.0 * AGREES.ln(),
+        (Some(_), Some(_)) => -2.0 * DIFFERS.ln(),
+        _ => 0.0,
     }
 }
 
@@ -224,7 +298,7 @@ fn near(centre_m: f64, reach_m: f64) -> std::ops::Range<usize> {
 /// The forward pass of the chain under one kind of GNSS error: shows the belief at each step,
 /// given the steps up to it, and returns the log-likelihood of all.
 fn forward(steps: &[Step], drifts: &mut Drifts, mut show: impl FnMut(&Offsets)) -> f64 {
-    let mut log_likelihood = 0.0;
+    let mut log_likelihood = -drifts.error.handicap_nats;
     let mut belief = drifts.stationary;
     for (index, step) in steps.iter().enumerate() {
         if index > 0 {

@@ -183,6 +183,7 @@ fn refined(lines_m: &[f64], relief: Relief, off: [f64; 4]) -> Mounting {
     let context = MapContext {
         map: map(&[-5.25, -1.75, 1.75, 5.25], relief),
         tile_level: TILE_LEVEL,
+        registering: tilefold_workers::Registering::On,
     };
     let recording = drive(lines_m, relief, off);
     let chunk = chunk::cut(&recording, VehicleKey(1), "/lanes", 1).unwrap();
@@ -243,6 +244,7 @@ fn frames_whose_camera_cannot_be_used_are_set_aside_with_the_reason() {
     let context = MapContext {
         map: map(&OWN_AND_NEXT_LANE, flat),
         tile_level: TILE_LEVEL,
+        registering: tilefold_workers::Registering::On,
     };
     let mut recording = drive(&OWN_AND_NEXT_LANE, flat, [0.0; 4]);
     recording.calibrations[0].value.d.pop();
@@ -261,6 +263,7 @@ fn missed(recording: &Recording) -> [f64; 4] {
     let context = MapContext {
         map: map(&[-5.25, -1.75, 1.75, 5.25], flat),
         tile_level: TILE_LEVEL,
+        registering: tilefold_workers::Registering::On,
     };
     let chunk = chunk::cut(recording, VehicleKey(1), "/lanes", 1).unwrap();
     let mut missed = [0.0; 4];

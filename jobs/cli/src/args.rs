@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
-use tilefold_engine::FusionModel;
+use tilefold_engine::{FusionModel, Registering};
 
 /// Finds where an HD map no longer matches the road, from the camera and GNSS logs of ordinary
 /// vehicles.
@@ -86,6 +86,25 @@ impl From<ModelName> for FusionModel {
     }
 }
 
+/// Whether something is done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum Switch {
+    /// It is.
+    #[default]
+    On,
+    /// It is not.
+    Off,
+}
+
+impl From<Switch> for Registering {
+    fn from(switch: Switch) -> Self {
+        match switch {
+            Switch::On => Self::On,
+            Switch::Off => Self::Off,
+        }
+    }
+}
+
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -130,6 +149,10 @@ pub(crate) enum Command {
         /// Folds only what was seen until then: a time like 2026-03-15T00:00:00Z. The version says so.
         #[arg(long, value_parser = time)]
         as_of: Option<i64>,
+        /// Whether poses are laid on the map before residuals are taken. `off` shows what that is
+        /// worth; a store holds evidence of one kind only.
+        #[arg(long, value_enum, default_value_t)]
+        registration: Switch,
         /// Shows what would be done, and does nothing.
         #[arg(long)]
         plan: bool,

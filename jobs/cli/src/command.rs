@@ -56,10 +56,12 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             logs,
             model,
             as_of,
+            registration,
             ..
         } => {
             let options = RunOptions {
                 model: (*model).into(),
+                registering: (*registration).into(),
                 as_of_ns: *as_of,
             };
             run_logs(args, store, logs, options)
@@ -171,7 +173,7 @@ pub(crate) fn run_logs(
     args: &Args,
     store: &Path,
     logs: &[PathBuf],
-    options: RunOptions,
+    options: impl Into<RunOptions>,
 ) -> Result<Outcome> {
     let progress = progress::listener(args.progress);
     let report = run(store, logs, options, progress.as_ref())?;

@@ -26,6 +26,16 @@ pub enum EngineError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The store's evidence and that of this run must not be added up.
+    #[error(
+        "the store's evidence was made by method {found}, and this run makes it by method {wanted}; they are never added up: make a new store with `tilefold init` and run all logs on it, or run as before (methods from 1000 on are those of `--registration off`)"
+    )]
+    OtherMethod {
+        /// Method of the store.
+        found: i32,
+        /// Method of the run.
+        wanted: i32,
+    },
     /// A map element is on no tile.
     #[error("element {element} is on no tile: {source}")]
     Tile {

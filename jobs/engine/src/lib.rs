@@ -25,3 +25,4 @@ pub use meter::{Meter, Stage, StageReport};
 pub use progress::{Progress, Silent};
 pub use run::{Plan, RunOptions, RunReport, plan, run};
 pub use tilefold_reducers::FusionModel;
+pub use tilefold_workers::Registering;

@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
-use tilefold_schemas::evidence::METHOD_VERSION;
 use tilefold_schemas::{ChunkId, ChunkRow, SetAside, SetAsideKind, VehicleKey};
 use tilefold_tiler::chunk::{self, Chunk};
 use tilefold_tiler::recording::{Recording, between};
@@ -110,7 +109,8 @@ fn map_unit(
                         topic: Some(topic.clone()),
                         ..loss
                     }));
-                    let row = row(&chunk, topic, &log, &evidence);
+                    let method = context.registering.method();
+                    let row = row(&chunk, method, topic, &log, &evidence);
                     output.mapped.push(Mapped { row, evidence });
                 }
                 Err(error) => output.set_aside.push(
@@ -160,7 +160,7 @@ fn message_count(recording: &Recording) -> i32 {
     i32::try_from(count).unwrap_or(i32::MAX)
 }
 
-fn row(chunk: &Chunk, topic: &str, log: &str, evidence: &Evidence) -> ChunkRow {
+fn row(chunk: &Chunk, method: i32, topic: &str, log: &str, evidence: &Evidence) -> ChunkRow {
     let (from_ns, to_ns) = chunk.bounds_ns();
     let own = between(&chunk.recording.detections, from_ns, to_ns);
     let rows = evidence.rows.iter().map(|row| row.tile);
@@ -173,7 +173,7 @@ fn row(chunk: &Chunk, topic: &str, log: &str, evidence: &Evidence) -> ChunkRow {
         channel: chunk.id.channel,
         window: chunk.id.window,
         digest: chunk.digest,
-        method: METHOD_VERSION,
+        method,
         model: 0,
         messages: message_count(&chunk.recording),
         tiles: tiles.join(","),

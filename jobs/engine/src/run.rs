@@ -11,7 +11,7 @@ use tilefold_schemas::{
 };
 use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
-use tilefold_workers::MapContext;
+use tilefold_workers::{MapContext, Registering};
 
 use crate::base_map;
 use crate::calibrate;
@@ -24,24 +24,6 @@ use crate::reduce_job::{Layer, Reduce};
 
 /// Parameter of a commit: the time that it is as of.
 const AS_OF: &str = "as_of_ns";
-
-/// How a run folds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct RunOptions {
-    /// How evidence becomes a posterior.
-    pub model: FusionModel,
-    /// Only what was seen until then counts, nanoseconds since the Unix epoch; none: all of it.
-    pub as_of_ns: Option<i64>,
-}
-
-impl From<FusionModel> for RunOptions {
-    fn from(model: FusionModel) -> Self {
-        Self {
-            model,
-            as_of_ns: None,
-        }
-    }
-}
 
 /// What a run did.
 #[derive(Debug, Clone, Serialize)]
@@ -103,10 +85,31 @@ pub fn plan(logs: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Plan {
     }
 }
 
+/// How a run is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RunOptions {
+    /// How evidence becomes a posterior.
+    pub model: FusionModel,
+    /// Whether poses are laid on the map.
+    pub registering: Registering,
+    /// Only what was seen until then counts, nanoseconds since the Unix epoch; none: all of it.
+    pub as_of_ns: Option<i64>,
+}
+
+impl From<FusionModel> for RunOptions {
+    fn from(model: FusionModel) -> Self {
+        Self {
+            model,
+            ..Self::default()
+        }
+    }
+}
+
 /// Maps what is new in `logs`, folds what it touches, and commits a version.
 ///
 /// # Errors
-/// The store cannot be read or written, or another writer was faster. Nothing has changed then.
+/// The store cannot be read or written, its evidence was made by another method, or another writer
+/// was faster. Nothing has changed then.
 pub fn run(
     location: &Path,
     logs: &[PathBuf],
@@ -124,9 +127,11 @@ pub fn run(
     let context = MapContext {
         map: MapIndex::new(read_elements(&snapshot, tile_level)?),
         tile_level,
+        registering: options.registering,
     };
     let sensor = calibrate::sensor_model(&snapshot)?;
     let known_rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
+    check_method(&known_rows, options.registering.method())?;
     let salt = &store.properties().salt;
     let mapped = map_units(
         &catalogue,
@@ -168,6 +173,17 @@ pub fn run(
     report.stages = meter.report();
     report.wall_s = meter.elapsed_s();
     Ok(report)
+}
+
+/// Evidence of two methods is never added up.
+fn check_method(known: &[ChunkRow], wanted: i32) -> Result<(), EngineError> {
+    let other = known.iter().find(|row| row.method != wanted);
+    other.map_or(Ok(()), |row| {
+        Err(EngineError::OtherMethod {
+            found: row.method,
+            wanted,
+        })
+    })
 }
 
 fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {

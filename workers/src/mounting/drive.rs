@@ -4,11 +4,12 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::{Mounting, PRIOR_SIGMA, corrected};
 use crate::cuts::{CrossCut, CutLine, cut_seen};
-use crate::look::Look;
+use crate::local_map::LocalMap;
+use crate::look::{Look, SeenLine};
 use crate::matching::{GATE_M, match_lines};
+use crate::median::median;
 use crate::pixels::{Casting, Pixels};
-use crate::pose::median;
-use crate::profile::{Profile, profiles};
+use crate::profile::{Profile, seen_profiles};
 use crate::register::{Glance, Registration, register};
 use crate::testify::MIN_CONFIDENCE;
 
@@ -66,6 +67,7 @@ impl<'a> Drive<'a> {
         casting: &'a Casting,
         looks: &'a [Look],
         cross_cuts: &'a [CrossCut],
+        map: &LocalMap<'_>,
     ) -> Self {
         let mut frames: Vec<Used<'a>> = Vec::new();
         for (look, cross_cut) in looks.iter().zip(cross_cuts) {
@@ -80,7 +82,7 @@ impl<'a> Drive<'a> {
             frames.push(Used {
                 look,
                 mapped: &cross_cut.mapped,
-                mapped_profiles: profiles(&cross_cut.mapped),
+                mapped_profiles: map.profiles(&cross_cut.mapped),
                 worth: (way_m / WITNESS_M).min(1.0),
             });
         }
@@ -150,20 +152,31 @@ impl<'a> Drive<'a> {
     }
 
     /// Seen lines of every frame under a correction.
-    fn seen(&self, correction: [f64; 4]) -> Vec<Vec<CutLine>> {
+    fn lines(&self, correction: [f64; 4]) -> Vec<Vec<SeenLine>> {
         let camera = corrected(&self.casting.camera, correction);
-        let seen = self.frames.iter().map(|used| {
+        let lines = self.frames.iter().map(|used| {
             let stamp_ns = used.look.pose.stamp_ns;
             let surface = self.casting.surface(stamp_ns);
-            cut_seen(&self.pixels.lines(stamp_ns, &camera, surface))
+            self.pixels.lines(stamp_ns, &camera, surface)
         });
-        seen.collect()
+        lines.collect()
+    }
+
+    /// The cuts of them.
+    fn seen(&self, correction: [f64; 4]) -> Vec<Vec<CutLine>> {
+        let lines = self.lines(correction);
+        lines.iter().map(|lines| cut_seen(lines)).collect()
     }
 
     /// Lays all frames on the map under a correction.
     fn lay(&self, correction: [f64; 4]) -> Laid {
-        let seen = self.seen(correction);
-        let seen_profiles: Vec<Vec<Profile>> = seen.iter().map(|lines| profiles(lines)).collect();
+        let cut = |lines: &Vec<SeenLine>| {
+            let cuts = cut_seen(lines);
+            let profiles = seen_profiles(&cuts, lines);
+            (cuts, profiles)
+        };
+        let lines = self.lines(correction);
+        let (seen, seen_profiles): (Vec<_>, Vec<_>) = lines.iter().map(cut).unzip();
         let frames = self.frames.iter().zip(&seen_profiles);
         let glances: Vec<Glance<'_>> = frames
             .map(|(used, seen)| Glance {

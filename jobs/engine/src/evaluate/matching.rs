@@ -1,6 +1,8 @@
 //! Matching against truth ids: the map stage is run once more over the logs, and what it takes each
 //! detection for is held against what the detection is of. Nothing is written.
 //!
+//! Only lane markings count: areas are confronted over a whole drive, not frame by frame.
+//!
 //! Eq 23 and 24 of the paper, as we read them: of what was matched, the share that was matched
 //! rightly; and of what could be matched, the share that was. Paint that the base map lacks and
 //! clutter cannot be matched; that they are left alone counts for the assignment accuracy only.
@@ -11,13 +13,13 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 use serde::Serialize;
 use tilefold_formats::matching_truth::MatchingTruth;
-use tilefold_schemas::{ElementId, VehicleKey};
-use tilefold_store::Snapshot;
+use tilefold_schemas::{ChunkRow, Element, ElementId, ElementKind, VehicleKey};
+use tilefold_store::{Snapshot, TileFilter};
 use tilefold_tiler::chunk;
 use tilefold_tiler::map_index::MapIndex;
 use tilefold_tiler::recording::between;
 use tilefold_workers::trace::assignments;
-use tilefold_workers::{MapContext, map_chunk_traced};
+use tilefold_workers::{MapContext, Registering, map_chunk_traced};
 
 use crate::error::EngineError;
 use crate::logs::{Catalogue, Unit};
@@ -122,6 +124,7 @@ fn compare(drives: &Drives<'_>, progress: &dyn Progress) -> Result<Counts, Engin
         context: MapContext {
             map: MapIndex::new(read_elements(snapshot, tile_level)?),
             tile_level,
+            registering: registering(snapshot)?,
         },
         salt: &properties.salt,
         truth,
@@ -141,6 +144,13 @@ fn compare(drives: &Drives<'_>, progress: &dyn Progress) -> Result<Counts, Engin
         .reduce(Counts::default, Counts::plus);
     progress.end(Stage::Map);
     Ok(all)
+}
+
+/// As the evidence of the version was made; registered if it has none.
+fn registering(snapshot: &Snapshot) -> Result<Registering, EngineError> {
+    let chunks: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
+    let method = chunks.first().map(|chunk| chunk.method);
+    Ok(method.and_then(Registering::of_method).unwrap_or_default())
 }
 
 /// What every unit is compared with.
@@ -174,7 +184,11 @@ impl Comparison<'_> {
                     let at = frame.stamp_ns;
                     let known = self.truth.frame(&unit.vehicle, topic, at);
                     for (&detection, &element) in known.into_iter().flatten() {
-                        let mapped = element.filter(|&element| self.is_mapped(element));
+                        let mapped = element.and_then(|element| self.mapped(element));
+                        if mapped.is_some_and(|mapped| mapped.kind != ElementKind::LaneMarking) {
+                            continue;
+                        }
+                        let mapped = mapped.map(|mapped| mapped.id.0);
                         let matched = matches.get(&(at, detection)).map(|element| element.0);
                         counts.count(mapped, matched);
                     }
@@ -184,10 +198,10 @@ impl Comparison<'_> {
         counts
     }
 
-    fn is_mapped(&self, element: i64) -> bool {
+    fn mapped(&self, element: i64) -> Option<&Element> {
         let elements = self.context.map.elements();
         let found = elements.binary_search_by_key(&element, |mapped| mapped.element.id.0);
-        found.is_ok()
+        Some(&elements[found.ok()?].element)
     }
 }
 
