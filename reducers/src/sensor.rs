@@ -98,7 +98,7 @@ impl Default for SensorModel {
             place_sigma_m: by_visibility(&[[0.2, 0.25], [0.45, 0.15], [0.6, 0.12], [0.85, 0.08]]),
             vehicle_sigma_m: 0.3,
             removed: 0.02,
-            shifted: 0.02,
+            shifted: 0.025,
             levels: [0.72, 0.2, 0.08],
             residual_outliers: 0.1,
             marking_read: 0.8,
