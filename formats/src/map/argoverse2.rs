@@ -95,7 +95,9 @@ impl<'a> Gathering<'a> {
     fn take_boundary(&mut self, place: Place, points: &'a [Point], mark_type: &'a str, lane: &str) {
         let (key, is_reversed) = key(points);
         let said = paint(mark_type);
-        if let Some(&at) = self.known.get(&key) {
+        // What has no length is shared with nobody.
+        let known = self.known.get(&key).filter(|_| points.len() > 1);
+        if let Some(&at) = known {
             let boundary = &mut self.boundaries[at];
             boundary.lanes = format!("{}, {lane}", boundary.lanes);
             if boundary.paint.is_none() && said.is_some() {
