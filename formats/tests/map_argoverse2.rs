@@ -34,11 +34,11 @@ fn beside<'a>(map: &'a MapFile, lane: &str) -> Option<&'a Element> {
 }
 
 fn assert_near(ours: &[[f64; 3]], golden: &Value, what: &str) {
-    let golden = golden.as_array().unwrap();
+    let golden = golden.as_array().expect("a list");
     assert_eq!(ours.len(), golden.len(), "{what}");
     for (ours, golden) in ours.iter().zip(golden) {
         for axis in 0..3 {
-            let golden = golden[axis].as_f64().unwrap();
+            let golden = golden[axis].as_f64().expect("a number");
             // 1e-9 degrees are a tenth of a millimetre.
             assert!(
                 (ours[axis] - golden).abs() < 1e-9,

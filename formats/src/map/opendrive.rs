@@ -19,10 +19,11 @@ mod tree;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use tilefold_schemas::limits::MAX_MAP_SAMPLES;
 use tilefold_schemas::{Element, SetAside, SetAsideKind};
 
 use self::frame::Frame;
-use self::marks::{Mark, Of};
+use self::marks::{Found, Mark, Of};
 use self::objects::Painted;
 use self::road::{Across, Road, Section, Side};
 use self::sample::Sampler;
@@ -62,6 +63,16 @@ pub(super) fn read(document: OpenDrive, file: &str) -> Result<MapFile, MapError>
     let mut gathering = Gathering::new(frame, file);
     for node in root.all("road") {
         gathering.take_road(node);
+        if gathering.sampler.is_exhausted() {
+            return Err(MapError::Limit {
+                file: file.to_owned(),
+                line: node.place.line,
+                column: node.place.column,
+                what: "the number of points that its lines take",
+                limit: MAX_MAP_SAMPLES as u64,
+                name: "MAX_MAP_SAMPLES",
+            });
+        }
     }
     Ok(gathering.finish(about(&root)))
 }
@@ -167,11 +178,11 @@ impl<'a> Gathering<'a> {
         border: impl Fn(f64) -> Across,
         breaks: impl Fn(f64, f64) -> Vec<f64>,
     ) {
-        for (index, node, read) in marks::of_lane(lane, span, of) {
+        for Found { index, node, mark } in marks::of_lane(lane, span, of) {
             self.counts.ways += 1;
             let id = format!("{id}, lane {}, mark {index}", shown(lane.attribute("id")));
             let source = Source { id, node };
-            let drawn = match read {
+            let drawn = match mark {
                 Ok(None) => {
                     self.pass(node.attribute("type"));
                     continue;
@@ -313,7 +324,8 @@ fn across_lanes(
     s: f64,
     [one, other]: [i64; 2],
 ) -> Option<[Across; 2]> {
-    let section = sections.iter().rev().find(|section| section.start <= s)?;
+    let begun = sections.partition_point(|section| section.start <= s);
+    let section = sections.get(begun.checked_sub(1)?)?;
     let border = |id: i64| {
         let side = if id > 0 {
             &section.left

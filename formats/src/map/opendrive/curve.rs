@@ -1,6 +1,8 @@
 //! The reference line of a road in the plane: straight lines, arcs, spirals and cubics
 //! (ASAM OpenDRIVE 1.8, section 9.3).
 
+use tilefold_schemas::limits::MAX_SPIRAL_TURN_RAD;
+
 use super::tree::Node;
 
 /// A reference line.
@@ -43,9 +45,6 @@ enum Shape {
         is_normalised: bool,
     },
 }
-
-/// A spiral that turns further is none that a road has, and would take long to follow.
-const MAX_TURN_RAD: f64 = 1_000.0;
 
 impl Curve {
     /// The curve of a `planView`.
@@ -121,9 +120,9 @@ impl Shape {
             "spiral" => {
                 let [first, last] = node.numbers(["curvStart", "curvEnd"])?;
                 let turn_rad = first.abs().max(last.abs()) * length;
-                if turn_rad > MAX_TURN_RAD {
+                if turn_rad > MAX_SPIRAL_TURN_RAD {
                     return Err(format!(
-                        "its <spiral> ({}) turns by {turn_rad:.0} rad, the limit is {MAX_TURN_RAD}",
+                        "its <spiral> ({}) turns by {turn_rad:.0} rad, the limit is {MAX_SPIRAL_TURN_RAD} (MAX_SPIRAL_TURN_RAD)",
                         node.place
                     ));
                 }
@@ -221,7 +220,9 @@ const NEWTON_STEPS: usize = 30;
 
 /// How many panels of half a radian a turn takes.
 fn panels(turn_rad: f64) -> usize {
-    (turn_rad / 0.5).ceil().clamp(1.0, 2.0 * MAX_TURN_RAD) as usize
+    (turn_rad / 0.5)
+        .ceil()
+        .clamp(1.0, 2.0 * MAX_SPIRAL_TURN_RAD) as usize
 }
 
 /// From 0 to `end` by Gauss and Legendre, five points in each panel.

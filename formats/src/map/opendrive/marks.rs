@@ -20,6 +20,15 @@ pub(super) struct Mark<'a> {
     pub(super) shift_m: f64,
 }
 
+/// A `roadMark` of a lane.
+pub(super) struct Found<'a> {
+    /// Which of the lane's marks it is, from 0.
+    pub(super) index: usize,
+    pub(super) node: &'a Node,
+    /// What it is, or why it cannot be used; none if it is no paint.
+    pub(super) mark: Result<Option<Mark<'a>>, String>,
+}
+
 /// A border between lanes that marks lie on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Of {
@@ -28,39 +37,42 @@ pub(super) enum Of {
     Right,
 }
 
-/// The marks of a lane by their index in it, each with what it is or why it cannot be used; none for
-/// what is no paint.
-pub(super) fn of_lane<'a>(
-    lane: &'a Node,
-    [start, end]: [f64; 2],
-    of: Of,
-) -> Vec<(usize, &'a Node, Result<Option<Mark<'a>>, String>)> {
-    let nodes: Vec<_> = lane.all("roadMark").enumerate().collect();
-    let mut begins = Vec::new();
-    for (_, node) in &nodes {
-        begins.extend(node.number_or("sOffset", 0.0).ok());
-    }
+/// The marks of a lane in a section, in the order of the file.
+pub(super) fn of_lane<'a>(lane: &'a Node, [start, end]: [f64; 2], of: Of) -> Vec<Found<'a>> {
+    let mut begins: Vec<f64> = lane
+        .all("roadMark")
+        .filter_map(|node| node.number_or("sOffset", 0.0).ok())
+        .collect();
     begins.sort_by(f64::total_cmp);
-    let next = |offset: f64| begins.get(begins.partition_point(|other| *other <= offset));
-    let read = |node: &'a Node| {
-        let Some(marking) = marking(node.attribute("type"), of) else {
-            return Ok(None);
-        };
-        let offset = node.number_or("sOffset", 0.0)?;
-        let to = next(offset).map_or(end, |next| (start + next).min(end));
-        let span = [start + offset.max(0.0), to];
-        let shift_m = shift_m(node)?;
-        Ok(Some(Mark {
-            node,
-            span,
-            marking,
-            shift_m,
-        }))
+    let end_after = |offset: f64| {
+        let next = begins.get(begins.partition_point(|other| *other <= offset));
+        next.map_or(end, |next| (start + next).min(end))
     };
-    nodes
-        .into_iter()
-        .map(|(index, node)| (index, node, read(node)))
-        .collect()
+    let found = |(index, node)| Found {
+        index,
+        node,
+        mark: read(node, start, of, end_after),
+    };
+    lane.all("roadMark").enumerate().map(found).collect()
+}
+
+/// The mark of a node in a section that begins at `start`.
+fn read(
+    node: &Node,
+    start: f64,
+    of: Of,
+    end_after: impl Fn(f64) -> f64,
+) -> Result<Option<Mark<'_>>, String> {
+    let Some(marking) = marking(node.attribute("type"), of) else {
+        return Ok(None);
+    };
+    let offset = node.number_or("sOffset", 0.0)?;
+    Ok(Some(Mark {
+        node,
+        span: [start + offset.max(0.0), end_after(offset)],
+        marking,
+        shift_m: shift_m(node)?,
+    }))
 }
 
 /// The colour that a mark says; what says nothing else is `standard`, which is white.

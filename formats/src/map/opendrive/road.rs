@@ -1,10 +1,11 @@
 //! A road: its reference line in space, and the lanes beside it.
 
+use tilefold_schemas::limits::{MAX_ELEMENT_LENGTH_M, MAX_LANES_PER_SIDE};
+
 use super::curve::{Curve, Pose};
 use super::profile::Profile;
 use super::tree::Node;
 use crate::map::xml::shown;
-use tilefold_schemas::limits::MAX_ELEMENT_LENGTH_M;
 
 /// A road without its lanes.
 pub(super) struct Road {
@@ -56,9 +57,6 @@ pub(super) struct Across {
     /// Up to where the road is banked.
     pub(super) banked: f64,
 }
-
-/// More lanes than that on one side of a road there are nowhere.
-const MAX_LANES_PER_SIDE: usize = 100;
 
 impl Across {
     /// A point on the road's own surface.
@@ -189,7 +187,9 @@ impl<'a> Side<'a> {
             ));
         }
         if self.lanes.len() >= MAX_LANES_PER_SIDE {
-            return Err(format!("it has over {MAX_LANES_PER_SIDE} lanes beside it"));
+            return Err(format!(
+                "there are over {MAX_LANES_PER_SIDE} lanes on its side (MAX_LANES_PER_SIDE)"
+            ));
         }
         let inner_is_level = self.lanes.last().is_some_and(|lane| lane.is_level);
         self.lanes.push(Lane {

@@ -1,8 +1,8 @@
 //! Curves as polylines, within half a centimetre of the curve.
 
-use tilefold_schemas::limits::MAX_POINTS_PER_ELEMENT;
+use tilefold_schemas::limits::{MAX_MAP_SAMPLES, MAX_POINTS_PER_ELEMENT};
 
-/// Draws curves, up to a number of points in all: a short file can describe any length of line.
+/// Draws curves, up to a number of points in all.
 pub(super) struct Sampler {
     left: usize,
 }
@@ -13,12 +13,19 @@ const TOLERANCE_M: f64 = 0.005;
 const MIN_STEP_M: f64 = 0.01;
 /// Between two vertices at most: so that a curve cannot hide between those that are looked at.
 const MAX_STEP_M: f64 = 20.0;
-/// Points that are evaluated for one map file: 1,000 km of road with 20 lines, a point each metre.
-const MAX_SAMPLES: usize = 20_000_000;
+/// A vertex, and three points between it and the one before.
+const SAMPLES_PER_VERTEX: usize = 4;
 
 impl Sampler {
     pub(super) fn new() -> Self {
-        Self { left: MAX_SAMPLES }
+        Self {
+            left: MAX_MAP_SAMPLES,
+        }
+    }
+
+    /// Whether no more may be drawn.
+    pub(super) fn is_exhausted(&self) -> bool {
+        self.left == 0
     }
 
     /// The polyline of `curve` between the stations `from` and `to`; its formula may change at
@@ -78,9 +85,10 @@ impl Sampler {
                 "it has over {MAX_POINTS_PER_ELEMENT} points (MAX_POINTS_PER_ELEMENT)"
             ));
         }
-        self.left = self.left.checked_sub(4).ok_or_else(|| {
-            format!("the file's lines take over {MAX_SAMPLES} points: cut it into several files")
-        })?;
+        self.left = self.left.saturating_sub(SAMPLES_PER_VERTEX);
+        if self.is_exhausted() {
+            return Err("the file's limit of points is reached (MAX_MAP_SAMPLES)".to_owned());
+        }
         Ok(())
     }
 }
