@@ -150,6 +150,77 @@ fn every_mark_of_the_testfeld_is_where_another_tool_puts_it() {
     assert!(compared > 10_000);
 }
 
+/// What they drew on each lane of each road: the vertices of the outlines, in the frame of the file.
+fn theirs(folder: &Path) -> BTreeMap<(String, String), Vec<[f64; 3]>> {
+    let path = folder.join("maps/testfeld/roadMarks.json");
+    let text = std::fs::read_to_string(path).expect("their road marks");
+    let golden: Value = serde_json::from_str(&text).expect("JSON");
+    let mut found = BTreeMap::<_, Vec<_>>::new();
+    for mark in golden["features"].as_array().expect("a list") {
+        let about = &mark["properties"];
+        let road = about["roadId"].as_str().unwrap_or_default().to_owned();
+        let vertices = rings(&mark["geometry"]).into_iter().flatten();
+        let flat = vertices.map(|vertex| flat(THEIRS, vertex));
+        let lane = found.entry((road, about["laneId"].to_string()));
+        lane.or_default().extend(flat);
+    }
+    found
+}
+
+/// How far the worst place of a line is from the nearest of their vertices; a place each metre.
+fn uncovered_m(line: &[[f64; 3]], vertices: &[[f64; 3]]) -> f64 {
+    let apart = |a: &[f64; 2], b: &[f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    let places = line.windows(2).flat_map(|pair| {
+        let [from, to] = [pair[0], pair[1]];
+        let steps = (to[0] - from[0]).hypot(to[1] - from[1]).ceil().max(1.0);
+        let part = move |axis: usize, step: f64| from[axis] + (to[axis] - from[axis]) * step;
+        (0..=steps as usize).map(move |step| [0, 1].map(|axis| part(axis, step as f64 / steps)))
+    });
+    let nearest = |place: [f64; 2]| {
+        let offs = vertices.iter().map(|vertex| apart(&place, vertex));
+        offs.fold(f64::INFINITY, f64::min)
+    };
+    places.map(nearest).fold(0.0, f64::max)
+}
+
+#[test]
+fn no_mark_of_the_testfeld_is_where_the_other_tool_has_none() {
+    let Some(folder) = data() else { return };
+    let theirs = theirs(&folder);
+    let map = map::read(&folder.join(TESTFELD)).unwrap();
+    let mut alone = Vec::new();
+    for element in &map.elements {
+        let id = element.tags["source_id"].as_str();
+        let words: Vec<&str> = id.split([' ', ',']).collect();
+        let line: Vec<_> = element
+            .points
+            .iter()
+            .map(|point| flat(FRAME, *point))
+            .collect();
+        let vertices = &theirs[&(words[1].to_owned(), words[7].to_owned())];
+        // Between the dashes of a motorway are 12 m.
+        let gap_m = if element.marking == Marking::Solid {
+            1.0
+        } else {
+            16.0
+        };
+        if uncovered_m(&line, vertices) > gap_m {
+            alone.push(id);
+        }
+    }
+    alone.sort_unstable();
+    // The other tool leaves out the second mark of a lane in its section; the file has them.
+    assert_eq!(
+        alone,
+        [
+            "road 1000100, section 22, lane -2, mark 1",
+            "road 1003400, section 3, lane -3, mark 1",
+            "road 3000170, section 0, lane 0, mark 1",
+            "road 3000180, section 0, lane -2, mark 1",
+        ]
+    );
+}
+
 /// A frame whose origin is at the false origin of UTM zone 32.
 const UTM32: &str = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs";
 
