@@ -312,7 +312,7 @@ fn an_arc_is_drawn_within_a_centimetre_and_not_finer_than_needed() {
 const LANES: &str = "\
     <lateralProfile><superelevation s='0' a='0.1' b='0' c='0' d='0'/></lateralProfile>\
     <elevationProfile><elevation s='0' a='100' b='0.01' c='0' d='0'/></elevationProfile>\
-    <lanes><laneOffset s='0' a='0.5' b='0' c='0' d='0'/>\
+    <lanes><laneOffset s='0' a='0.5' b='0' c='0' d='0'/><laneOffset s='60' a='4' b='0' c='0' d='0'/>\
     <laneSection s='0'>\
     <left><lane id='1'><width sOffset='0' a='3' b='0' c='0' d='0'/><roadMark sOffset='0' type='solid broken'/></lane>\
     <lane id='2'><border sOffset='0' a='5' b='0' c='0' d='0'/><roadMark sOffset='0' type='none'/></lane></left>\

@@ -95,6 +95,9 @@ struct Gathering<'a> {
     not_paint: BTreeMap<String, u64>,
 }
 
+/// A mark ends before what begins at its end: there, lanes may be counted from another line.
+const JUST_BEFORE_M: f64 = 1e-6;
+
 /// Where something stands in the file.
 struct Source<'a> {
     /// Its address, which its id is made of.
@@ -206,7 +209,8 @@ impl<'a> Gathering<'a> {
         breaks: impl Fn(f64, f64) -> Vec<f64>,
     ) -> Result<(Vec<[f64; 3]>, Kind), String> {
         let [from, to] = mark.span;
-        if to - from <= 0.0 {
+        let last = to - JUST_BEFORE_M;
+        if last <= from {
             return Err("it ends where it begins: another one follows at once".to_owned());
         }
         let mut changes = road.breaks(from, to);
@@ -219,7 +223,7 @@ impl<'a> Gathering<'a> {
             };
             road.point(s, shifted)
         };
-        let points = self.sampler.sample(curve, mark.span, changes)?;
+        let points = self.sampler.sample(curve, [from, last], changes)?;
         Ok((points, Kind::line(mark.marking, marks::color(mark.node))))
     }
 

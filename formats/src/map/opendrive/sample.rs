@@ -36,6 +36,7 @@ impl Sampler {
         [from, to]: [f64; 2],
         mut breaks: Vec<f64>,
     ) -> Result<Vec<[f64; 3]>, String> {
+        breaks.retain(|at| from + MIN_STEP_M < *at && *at < to - MIN_STEP_M);
         breaks.push(to);
         breaks.sort_by(f64::total_cmp);
         breaks.dedup_by(|later, earlier| *later - *earlier < MIN_STEP_M);
