@@ -1,33 +1,42 @@
 //! Maps: whatever they were drawn with, to the elements of `tilefold_schemas::element`.
 //!
-//! [`read`] looks at the content, never at the name. Today it reads Lanelet2 (OSM XML). A map is
-//! untrusted: what breaks the file as a whole (XML that is none, a limit, an entity) refuses it with
+//! [`read`] looks at the content, not at the name. It reads Lanelet2 (OSM XML), OpenDRIVE and the
+//! vector map of Argoverse 2. A map is untrusted: what breaks the file as a whole (XML that is none, a limit, an entity) refuses it with
 //! line and column; what breaks one element sets that element aside and says where and why.
 //! Half a map is refused, because every element that it lacks would later be "found" on the road.
 //!
 //! The siblings, in the way of the data: `fence` hands out bytes, counts lines and bounds what one
-//! piece of XML may take; `osm` makes nodes, ways and relations of them; `paint` says which ways are
-//! paint; `lanelet2` makes elements. [`read_roads`] makes lanelets of the same file (`lanelets`), whose
-//! borders are stitched and turned in `border`; `traffic` says who may drive there and how.
+//! piece of XML may take; `xml` walks through the document and `document` says which map it is.
+//! `osm` makes nodes, ways and relations of it; `paint` says which ways are paint; `lanelet2` makes
+//! elements. `opendrive` and `argoverse2` are the other formats; `make` judges the shape of any
+//! element. [`read_roads`] makes lanelets of a Lanelet2 file (`lanelets`), whose borders are stitched
+//! and turned in `border`; `traffic` says who may drive there and how.
 
+mod argoverse2;
 mod border;
+mod document;
 mod error;
 mod fence;
 mod lanelet2;
 mod lanelets;
+mod make;
+mod opendrive;
 mod osm;
 mod paint;
 mod roads;
 mod rough;
 mod traffic;
+mod xml;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
 use tilefold_schemas::limits::MAX_MAP_BYTES;
 use tilefold_schemas::{Element, SetAside};
+
+use document::Document;
 
 pub use error::MapError;
 pub use roads::{Border, BorderKind, BorderWay, Crossing, Lanelet, Roads};
@@ -37,18 +46,23 @@ pub use roads::{Border, BorderKind, BorderWay, Crossing, Lanelet, Roads};
 pub enum MapFormat {
     /// Lanelet2: OSM XML with lanelets as relations.
     Lanelet2,
+    /// OpenDRIVE: XML with roads as formulas.
+    OpenDrive,
+    /// The vector map of Argoverse 2: JSON with lane segments.
+    Argoverse2,
 }
 
 /// What a map file held, counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MapCounts {
-    /// Points (nodes), without the deleted ones.
+    /// Points (nodes), without the deleted ones; 0 in formats without nodes.
     pub nodes: u64,
-    /// Lines (ways), without the deleted ones.
+    /// Lines: ways without the deleted ones, road marks of OpenDRIVE, different boundaries of
+    /// Argoverse 2.
     pub ways: u64,
-    /// Relations, without the deleted ones.
+    /// Relations without the deleted ones, roads of OpenDRIVE, crossings of Argoverse 2.
     pub relations: u64,
-    /// Relations that are lanelets.
+    /// Relations that are lanelets, lanes of OpenDRIVE, lane segments of Argoverse 2.
     pub lanelets: u64,
     /// Relations that are areas.
     pub areas: u64,
@@ -71,7 +85,8 @@ pub struct MapFile {
     pub set_aside: Vec<SetAside>,
     /// What was in the file.
     pub counts: MapCounts,
-    /// Ways that are not paint, by their type (`virtual`, `curbstone`, ...; empty if untyped).
+    /// What is not paint, by its type in the map's own words (`virtual`, `curbstone`, ...; empty if
+    /// untyped).
     pub not_paint: BTreeMap<String, u64>,
     /// What the file says of itself: `generator`, `map_version`, `format_version`, ...
     pub about: BTreeMap<String, String>,
@@ -86,15 +101,23 @@ pub fn read(path: &Path) -> Result<MapFile, MapError> {
     read_from(open(path, &name)?, &name)
 }
 
-/// Reads a map from `source`; `name` is what losses and errors call it.
+/// Reads a map from `source`; `name` is what losses and errors call it. Of an Argoverse 2 map it is
+/// also what says which city it is of.
 ///
 /// # Errors
 /// As [`read`].
 pub fn read_from(source: impl Read, name: &str) -> Result<MapFile, MapError> {
-    lanelet2::read(xml(source, name)?, name)
+    let (head, source) = headed(source, name)?;
+    if looks_like_object(&head) {
+        return argoverse2::read(source, name);
+    }
+    match document::read(xml(&head, source, name)?, name)? {
+        Document::Osm(osm) => Ok(lanelet2::read(&osm, name)),
+        Document::OpenDrive(drive) => opendrive::read(drive, name),
+    }
 }
 
-/// Reads the road network of a map file.
+/// Reads the road network of a map file. Only Lanelet2 says enough of it.
 ///
 /// # Errors
 /// As [`read`].
@@ -108,7 +131,13 @@ pub fn read_roads(path: &Path) -> Result<Roads, MapError> {
 /// # Errors
 /// As [`read`].
 pub fn read_roads_from(source: impl Read, name: &str) -> Result<Roads, MapError> {
-    lanelets::read(xml(source, name)?, name)
+    let (head, source) = headed(source, name)?;
+    match document::read(xml(&head, source, name)?, name)? {
+        Document::Osm(osm) => Ok(lanelets::read(&osm, name)),
+        Document::OpenDrive(_) => Err(MapError::NoRoads {
+            file: name.to_owned(),
+        }),
+    }
 }
 
 fn open(path: &Path, name: &str) -> Result<File, MapError> {
@@ -128,31 +157,46 @@ fn open(path: &Path, name: &str) -> Result<File, MapError> {
     Ok(file)
 }
 
-/// The whole of `source`, if it begins like XML.
-fn xml(mut source: impl Read, name: &str) -> Result<impl Read, MapError> {
+/// How `source` begins, and the whole of it.
+fn headed(mut source: impl Read, name: &str) -> Result<(Vec<u8>, impl Read), MapError> {
     let mut head = Vec::new();
     let taken = source.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
     taken.map_err(|source| MapError::Io {
         file: name.to_owned(),
         source,
     })?;
-    if let Some(looks_like) = not_xml(&head) {
-        return Err(MapError::Format {
+    Ok((head.clone(), Cursor::new(head).chain(source)))
+}
+
+/// `source`, if it begins like XML.
+fn xml<R: Read>(head: &[u8], source: R, name: &str) -> Result<R, MapError> {
+    match not_xml(head) {
+        None => Ok(source),
+        Some(looks_like) => Err(MapError::Format {
             file: name.to_owned(),
             looks_like: looks_like.to_owned(),
-        });
+        }),
     }
-    Ok(std::io::Cursor::new(head).chain(source))
 }
 
 /// How much of a file is looked at to guess its format.
 const HEAD_BYTES: u64 = 4096;
 
+/// The first byte that is not white space.
+fn first_byte(head: &[u8]) -> Option<u8> {
+    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+    text.iter()
+        .find(|byte| !byte.is_ascii_whitespace())
+        .copied()
+}
+
+fn looks_like_object(head: &[u8]) -> bool {
+    first_byte(head) == Some(b'{')
+}
+
 /// What a file without XML seems to be. XML goes on to the reader, which looks at its root.
 fn not_xml(head: &[u8]) -> Option<&'static str> {
-    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
-    let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
-    match (head, first) {
+    match (head, first_byte(head)) {
         (_, Some(b'<')) => None,
         ([0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [b'<', 0, ..] | [0, b'<', ..], _) => {
             Some("XML in UTF-16: save it as UTF-8")
@@ -160,7 +204,7 @@ fn not_xml(head: &[u8]) -> Option<&'static str> {
         ([0x1f, 0x8b, ..], _) => Some("a gzip archive: unpack it first"),
         ([b'P', b'K', 3, 4, ..], _) => Some("a zip archive: unpack it first"),
         ([0x89, b'M', b'C', b'A', b'P', ..], _) => Some("an MCAP log: give it to `run`"),
-        (_, Some(b'{' | b'[')) => Some("JSON (Argoverse 2 or GeoJSON)"),
+        (_, Some(b'{' | b'[')) => Some("JSON"),
         (_, None) => Some("an empty file"),
         _ => Some("no map format that we know"),
     }

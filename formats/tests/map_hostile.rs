@@ -183,18 +183,21 @@ fn other_formats_are_refused_with_a_sentence() {
     for (bytes, says) in [
         (&b""[..], "an empty file"),
         (b"  \n", "an empty file"),
-        (b"{\"type\": 1}", "JSON (Argoverse 2 or GeoJSON)"),
+        (
+            b"{\"type\": 1}",
+            "JSON, but not of an Argoverse 2 map: missing field",
+        ),
+        (b"[1]", "JSON"),
         (b"\x1f\x8b\x08", "a gzip archive: unpack it first"),
         (b"PK\x03\x04", "a zip archive"),
         (b"\x89MCAP0\r\n", "an MCAP log"),
         (b"\xff\xfe<\0", "UTF-16"),
         (b"hello", "no map format that we know"),
-        (b"<OpenDRIVE/>", "OpenDRIVE"),
         (b"<gpx></gpx>", "XML with the root element <gpx>"),
     ] {
         let error = refused(bytes);
         assert!(
-            error.contains(says) && error.contains("Lanelet2 (.osm) is read"),
+            error.contains(says) && error.contains("Lanelet2 (.osm), OpenDRIVE (.xodr) and"),
             "{error}"
         );
     }

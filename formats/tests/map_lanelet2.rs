@@ -132,6 +132,52 @@ fn every_painted_shape_is_where_the_library_puts_it() {
     );
 }
 
+/// The map's paint by type and subtype; the borders of crosswalk lanelets are not among it.
+fn by_subtype(map: &MapFile) -> BTreeMap<String, u64> {
+    let mut found = BTreeMap::new();
+    for element in &map.elements {
+        let said = |key| element.tags.get(key).map_or("", String::as_str);
+        if said("type") != "lanelet" {
+            let name = format!("{}/{}", said("type"), said("subtype"));
+            *found.entry(name).or_default() += 1;
+        }
+    }
+    found
+}
+
+#[test]
+fn every_shape_is_counted_by_type_and_subtype_as_the_library_counts_it() {
+    let Some(folder) = data() else { return };
+    let golden: Value =
+        serde_json::from_str(include_str!("../../tests/oracles/lanelet2_maps.json")).unwrap();
+    for row in golden.as_array().unwrap() {
+        let name = row["map"].as_str().unwrap();
+        let map = load(&folder, name);
+        let ours = by_subtype(&map);
+        let mut by_type = BTreeMap::<&str, u64>::new();
+        for (subtype, count) in row["subtypes"].as_object().unwrap() {
+            let (kind, _) = subtype.split_once('/').unwrap();
+            *by_type.entry(kind).or_default() += count.as_u64().unwrap();
+            // What is no paint is counted by type only, and the borders of painted crosswalk
+            // lanelets are in those.
+            if !map.not_paint.contains_key(kind) && kind != "pedestrian_marking" {
+                let found = ours.get(subtype).copied();
+                assert_eq!(found, count.as_u64(), "{name}, {subtype}");
+            }
+        }
+        for (kind, count) in &map.not_paint {
+            assert_eq!(by_type.get(kind.as_str()), Some(count), "{name}, {kind}");
+        }
+        let painted: u64 = ours.values().sum();
+        let others: u64 = map.not_paint.values().sum();
+        let borders = map.counts.ways - painted - others;
+        let markings = by_type.get("pedestrian_marking").copied().unwrap_or(0);
+        let shapes: u64 = by_type.values().sum();
+        assert_eq!(map.counts.ways, shapes, "{name}");
+        assert!(borders <= markings, "{name}: {borders} borders");
+    }
+}
+
 fn count(map: &MapFile, wanted: impl Fn(&Element) -> bool) -> usize {
     map.elements
         .iter()

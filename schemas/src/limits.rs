@@ -61,6 +61,13 @@ pub const MAX_TAG_BYTES: usize = 64 << 10;
 pub const MAX_POINTS_PER_ELEMENT: usize = 100_000;
 /// Borders of lanelets that one way is a part of.
 pub const MAX_LANELETS_PER_WAY: usize = 64;
+/// Lanes on one side of an OpenDRIVE road.
+pub const MAX_LANES_PER_SIDE: usize = 100;
+/// Points at which the curves of an OpenDRIVE file are looked at: 1,000 km of road with 20 lines, a
+/// point each metre. A short file can describe any length of line.
+pub const MAX_MAP_SAMPLES: usize = 20_000_000;
+/// Radians that one spiral of an OpenDRIVE road turns.
+pub const MAX_SPIRAL_TURN_RAD: f64 = 20.0;
 /// Metres of one element along its line.
 pub const MAX_ELEMENT_LENGTH_M: f64 = 100_000.0;
 /// Losses listed by name in a report; beyond that they are only counted.

@@ -5,7 +5,8 @@
 
 Per map: how many lanelets, areas and regulatory elements there are; and per type of line string
 and polygon how many there are, their points, and the sums of their longitudes, latitudes and
-elevations (from the library's UTM coordinates, projected back).
+elevations (from the library's UTM coordinates, projected back). `subtypes` counts both by type and
+subtype.
 """
 
 import json
@@ -52,6 +53,16 @@ def shapes(layer, projector):
     return dict(sorted(by_type.items()))
 
 
+def subtypes(*layers):
+    counts = {}
+    for layer in layers:
+        for shape in layer:
+            tags = shape.attributes
+            name = "/".join(tags[key] if key in tags else "" for key in ("type", "subtype"))
+            counts[name] = counts.get(name, 0) + 1
+    return dict(sorted(counts.items()))
+
+
 def figures(path, root):
     projector = UtmProjector(Origin(*ORIGINS[path.relative_to(root).parts[-2]]))
     loaded, errors = load(path, projector)
@@ -63,6 +74,7 @@ def figures(path, root):
         "errors": len(errors),
         "lines": shapes(loaded.lineStringLayer, projector),
         "polygons": shapes(loaded.polygonLayer, projector),
+        "subtypes": subtypes(loaded.lineStringLayer, loaded.polygonLayer),
     }
 
 

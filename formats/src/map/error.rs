@@ -25,7 +25,8 @@ pub enum MapError {
     },
     /// Another format.
     #[error(
-        "{file} is not a map that is read here: it looks like {looks_like}; Lanelet2 (.osm) is read"
+        "{file} is not a map that is read here: it looks like {looks_like}; Lanelet2 (.osm), OpenDRIVE (.xodr) and Argoverse 2 \
+         (log_map_archive_*.json) are read"
     )]
     Format {
         /// The file.
@@ -33,17 +34,34 @@ pub enum MapError {
         /// What its content looks like.
         looks_like: String,
     },
-    /// XML that is none.
+    /// XML or JSON that is none, or that lacks what the whole map needs.
     #[error("map {file} is damaged at line {line}, column {column}: {what}; mend or re-export it")]
-    Xml {
+    Damaged {
         /// The file.
         file: String,
         /// Line, from 1.
         line: u64,
-        /// Column, in characters, from 1.
+        /// Column, from 1: in characters, in JSON in bytes.
         column: u64,
         /// What is wrong.
         what: String,
+    },
+    /// A map that does not say where on Earth it is.
+    #[error(
+        "map {file} is in the coordinates of a city, but its name does not say which: give it the \
+         name it was published with (log_map_archive_*____PIT_city_*.json; one of {cities})"
+    )]
+    City {
+        /// The file.
+        file: String,
+        /// The cities that are known.
+        cities: String,
+    },
+    /// A map without lanelets.
+    #[error("map {file} is OpenDRIVE: roads to drive on are read from Lanelet2 (.osm) only")]
+    NoRoads {
+        /// The file.
+        file: String,
     },
     /// A piece of XML beyond its limit.
     #[error(

@@ -9,27 +9,23 @@
 //! element's id appears a second time, the second is set aside.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::io::Read;
 
-use tilefold_schemas::limits::MAX_ELEMENT_LENGTH_M;
 use tilefold_schemas::{Element, ElementId, ElementKind, SetAside, SetAsideKind};
 
-use super::error::MapError;
-use super::osm::{self, Node, Osm, Relation, Thing, Way};
+use super::make::{between, check_shape, is_outline, open_ring};
+use super::osm::{Node, Osm, Relation, Thing, Way};
 use super::paint::{self, Paint, tag};
-use super::rough::{rough_length_m, run_alike};
 use super::{MapCounts, MapFile, MapFormat};
 
-pub(super) fn read(source: impl Read, file: &str) -> Result<MapFile, MapError> {
-    let osm = osm::read(source, file)?;
-    let mut gathering = Gathering::new(&osm, file);
+pub(super) fn read(osm: &Osm, file: &str) -> MapFile {
+    let mut gathering = Gathering::new(osm, file);
     for relation in &osm.relations {
         gathering.take_relation(relation);
     }
     for way in &osm.ways {
         gathering.take_way(way);
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }
 
 struct Gathering<'a> {
@@ -194,26 +190,11 @@ fn is_area(way: &Way) -> bool {
 }
 
 fn element(thing: &Thing, paint: Paint, points: Vec<[f64; 3]>) -> Result<Element, String> {
-    let is_outline = matches!(paint.kind, ElementKind::Crosswalk | ElementKind::GroundSign);
-    let points = if is_outline {
-        open_ring(points)
-    } else {
-        points
+    let points = match is_outline(paint.kind) {
+        true => open_ring(points),
+        false => points,
     };
-    let needed = if is_outline { 3 } else { 2 };
-    let distinct = distinct(&points);
-    if distinct < needed {
-        return Err(format!(
-            "{} needs {needed} different points, it has {distinct}",
-            paint.kind
-        ));
-    }
-    let length_m = rough_length_m(&points);
-    if length_m > MAX_ELEMENT_LENGTH_M {
-        return Err(format!(
-            "it is {length_m:.0} m long, the limit is {MAX_ELEMENT_LENGTH_M} m (MAX_ELEMENT_LENGTH_M)"
-        ));
-    }
+    check_shape(paint.kind, &points)?;
     Ok(Element {
         id: ElementId(thing.id),
         kind: paint.kind,
@@ -223,30 +204,4 @@ fn element(thing: &Thing, paint: Paint, points: Vec<[f64; 3]>) -> Result<Element
         points,
         tags: thing.tags.clone(),
     })
-}
-
-/// A ring without its repeated first vertex.
-fn open_ring(mut ring: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
-    while ring.len() > 1 && ring.first() == ring.last() {
-        ring.pop();
-    }
-    ring
-}
-
-/// The ring along one border and back along the other, whichever way that one is drawn.
-fn between(left: &[[f64; 3]], mut right: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
-    let mut ring = left.to_vec();
-    if run_alike(left, &right) {
-        right.reverse();
-    }
-    ring.append(&mut right);
-    ring
-}
-
-/// How many vertices differ from the one before.
-fn distinct(points: &[[f64; 3]]) -> usize {
-    let steps = points
-        .windows(2)
-        .filter(|pair| pair[0][..2] != pair[1][..2]);
-    steps.count() + usize::from(!points.is_empty())
 }

@@ -1,21 +1,18 @@
 //! Lanelet2: which of an OSM file's relations are lanelets for vehicles, and their borders.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::Read;
 
 use tilefold_schemas::limits::MAX_LANELETS_PER_WAY;
 use tilefold_schemas::{SetAside, SetAsideKind};
 
 use super::border::{align, stitch};
-use super::error::MapError;
-use super::osm::{self, Node, Osm, Relation, Way};
+use super::osm::{Node, Osm, Relation, Way};
 use super::paint::tag;
 use super::roads::{Border, Lanelet, Roads};
 use super::traffic;
 
-pub(super) fn read(source: impl Read, file: &str) -> Result<Roads, MapError> {
-    let osm = osm::read(source, file)?;
-    let mut surveying = Surveying::new(&osm);
+pub(super) fn read(osm: &Osm, file: &str) -> Roads {
+    let mut surveying = Surveying::new(osm);
     let mut roads = Roads::default();
     let mut found = BTreeMap::new();
     for relation in &osm.relations {
@@ -40,7 +37,7 @@ pub(super) fn read(source: impl Read, file: &str) -> Result<Roads, MapError> {
     }
     roads.lanelets = found.into_values().collect();
     roads.set_aside.sort();
-    Ok(roads)
+    roads
 }
 
 fn lost(relation: &Relation, file: &str, why: &str) -> SetAside {

@@ -4,19 +4,11 @@
 //! with its complaint, so that only what uses it is set aside.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::Read;
 
-use quick_xml::XmlVersion;
-use quick_xml::escape::EscapeError;
-use quick_xml::events::{BytesStart, Event};
-use quick_xml::reader::Reader;
-use tilefold_schemas::limits::{
-    MAX_MAP_BYTES, MAX_MAP_DEPTH, MAX_POINTS_PER_ELEMENT, MAX_TAG_BYTES, MAX_TAGS_PER_ELEMENT,
-    MAX_XML_ATTRIBUTES,
-};
+use tilefold_schemas::limits::{MAX_POINTS_PER_ELEMENT, MAX_TAG_BYTES, MAX_TAGS_PER_ELEMENT};
 
-use super::error::MapError;
-use super::fence::{Bound, Fence, MAX_PIECE_BYTES, Place};
+use super::fence::Place;
+use super::xml::{Attributes, Take, shown};
 
 /// A file's content.
 #[derive(Debug, Default)]
@@ -89,29 +81,6 @@ pub(super) struct Member {
     pub(super) role: String,
 }
 
-/// Reads the whole of `source`; `file` is its name in errors.
-pub(super) fn read(source: impl Read, file: &str) -> Result<Osm, MapError> {
-    let mut reader = Reader::from_reader(Fence::new(source));
-    reader.config_mut().expand_empty_elements = true;
-    let mut parser = Parser::new(file);
-    let mut buffer = Vec::new();
-    loop {
-        buffer.clear();
-        parser.place = reader.get_mut().next_piece();
-        let event = match reader.read_event_into(&mut buffer) {
-            Ok(event) => event,
-            Err(error) => return Err(parser.broken(reader.get_ref(), &error)),
-        };
-        if matches!(event, Event::Eof) {
-            return parser.finish();
-        }
-        parser.take(&event)?;
-    }
-}
-
-/// Attributes of one XML element that mean something here, unescaped.
-type Attributes = HashMap<String, String>;
-
 /// What is open between its start and its end.
 enum Open {
     Node { thing: Thing, at: Box<Attributes> },
@@ -119,100 +88,39 @@ enum Open {
     Relation(Relation),
 }
 
-struct Parser<'a> {
-    file: &'a str,
-    place: Place,
-    depth: usize,
-    has_root: bool,
+/// Takes an OSM document.
+#[derive(Default)]
+pub(super) struct Parser {
     open: Option<Open>,
     osm: Osm,
 }
 
-impl<'a> Parser<'a> {
-    fn new(file: &'a str) -> Self {
-        Self {
-            file,
-            place: Place { line: 1, column: 1 },
-            depth: 0,
-            has_root: false,
-            open: None,
-            osm: Osm::default(),
-        }
-    }
-
-    fn take(&mut self, event: &Event<'_>) -> Result<(), MapError> {
-        match event {
-            Event::Start(start) => self.start(start),
-            Event::End(_) => {
-                self.end();
-                Ok(())
+impl Take for Parser {
+    fn start(
+        &mut self,
+        depth: usize,
+        name: &str,
+        mut attributes: Attributes,
+        place: Place,
+    ) -> Result<(), String> {
+        match (depth, name) {
+            (0, _) => {
+                let generator = attributes.remove("generator");
+                let named = generator.map(|generator| ("generator".to_owned(), generator));
+                self.osm.about.extend(named);
             }
-            Event::DocType(_) => Err(self.forbidden("a document type (DOCTYPE)".to_owned())),
-            Event::GeneralRef(reference) if !reference.is_char_ref() => {
-                self.check_entity(reference)
-            }
-            Event::Decl(declaration) => match declaration.encoding() {
-                Some(Ok(name)) if !is_utf8(&name) => {
-                    Err(self.damaged(format!("its encoding is {name:?}, only UTF-8 is read")))
-                }
-                _ => Ok(()),
-            },
-            Event::Text(text) if self.depth == 0 && !text.trim().is_empty() => {
-                Err(self.damaged("text stands outside of the root element".to_owned()))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn check_entity(&self, name: &str) -> Result<(), MapError> {
-        match name {
-            "lt" | "gt" | "amp" | "apos" | "quot" => Ok(()),
-            _ => Err(self.forbidden(format!("the entity &{};", shown(name)))),
-        }
-    }
-
-    fn start(&mut self, start: &BytesStart<'_>) -> Result<(), MapError> {
-        if self.depth >= MAX_MAP_DEPTH {
-            return Err(self.limit("the depth of XML", MAX_MAP_DEPTH, "MAX_MAP_DEPTH"));
-        }
-        let attributes = self.attributes(start)?;
-        let name = start.name();
-        match (self.depth, name.as_ref()) {
-            (0, root) => self.root(root, attributes)?,
-            (1, "node" | "way" | "relation") => self.open(name.as_ref(), attributes),
+            (1, "node" | "way" | "relation") => self.open(name, attributes, place),
             (1, "MetaInfo") => self.osm.about.extend(attributes),
             (2, "tag") => self.tag(attributes),
             (2, "nd") => self.node_of_way(&attributes),
             (2, "member") => self.member(&attributes),
             _ => {}
         }
-        self.depth += 1;
         Ok(())
     }
 
-    fn root(&mut self, root: &str, mut attributes: Attributes) -> Result<(), MapError> {
-        if self.has_root {
-            return Err(self.damaged("a second root element follows the first".to_owned()));
-        }
-        self.has_root = true;
-        if root != "osm" {
-            return Err(MapError::Format {
-                file: self.file.to_owned(),
-                looks_like: match root {
-                    "OpenDRIVE" => "OpenDRIVE".to_owned(),
-                    other => format!("XML with the root element <{}>", shown(other)),
-                },
-            });
-        }
-        if let Some(generator) = attributes.remove("generator") {
-            self.osm.about.insert("generator".to_owned(), generator);
-        }
-        Ok(())
-    }
-
-    fn end(&mut self) {
-        self.depth = self.depth.saturating_sub(1);
-        if self.depth != 1 {
+    fn end(&mut self, depth: usize) {
+        if depth != 1 {
             return;
         }
         match self.open.take() {
@@ -222,8 +130,15 @@ impl<'a> Parser<'a> {
             None => {}
         }
     }
+}
 
-    fn open(&mut self, name: &str, attributes: Attributes) {
+impl Parser {
+    /// What was read.
+    pub(super) fn finish(self) -> Osm {
+        self.osm
+    }
+
+    fn open(&mut self, name: &str, attributes: Attributes, place: Place) {
         let id = attributes.get("id").map_or("", String::as_str);
         let number = id.trim().parse().ok();
         let is_deleted = attributes.get("action").is_some_and(|a| a == "delete")
@@ -237,7 +152,7 @@ impl<'a> Parser<'a> {
         }
         let thing = Thing {
             id: number.unwrap_or(0),
-            place: self.place,
+            place,
             tags: BTreeMap::new(),
             wrong: (number.is_none())
                 .then(|| format!("its id {:?} is not a 64-bit integer", shown(id))),
@@ -354,101 +269,6 @@ impl<'a> Parser<'a> {
             None => None,
         }
     }
-
-    /// At most [`MAX_XML_ATTRIBUTES`], so that looking for doubles stays cheap.
-    fn attributes(&self, start: &BytesStart<'_>) -> Result<Attributes, MapError> {
-        let mut found = Attributes::new();
-        for (index, attribute) in start.attributes().with_checks(false).enumerate() {
-            if index >= MAX_XML_ATTRIBUTES {
-                return Err(self.limit(
-                    "the number of attributes",
-                    MAX_XML_ATTRIBUTES,
-                    "MAX_XML_ATTRIBUTES",
-                ));
-            }
-            let attribute =
-                attribute.map_err(|error| self.damaged(format!("bad attribute: {error}")))?;
-            let value = attribute
-                .normalized_value(XmlVersion::Implicit1_0)
-                .map_err(|error| self.bad_value(&error))?;
-            let key = attribute.key.as_ref().to_owned();
-            if found.insert(key, value.into_owned()).is_some() {
-                return Err(self.damaged(format!(
-                    "the attribute {:?} appears twice",
-                    shown(attribute.key.as_ref())
-                )));
-            }
-        }
-        Ok(found)
-    }
-
-    fn finish(self) -> Result<Osm, MapError> {
-        if !self.has_root {
-            return Err(self.damaged("it ends before its root element".to_owned()));
-        }
-        if self.depth > 0 {
-            return Err(self.damaged("it ends in the middle: elements are still open".to_owned()));
-        }
-        Ok(self.osm)
-    }
-
-    fn broken<R: Read>(&self, fence: &Fence<R>, error: &quick_xml::Error) -> MapError {
-        match (fence.hit(), error) {
-            (Some(Bound::Piece), _) => self.limit(
-                "one piece of XML",
-                MAX_PIECE_BYTES,
-                "MAX_XML_ATTRIBUTES * MAX_TAG_BYTES",
-            ),
-            (Some(Bound::File), _) => MapError::TooLarge {
-                file: self.file.to_owned(),
-                bytes: MAX_MAP_BYTES + 1,
-                limit: MAX_MAP_BYTES,
-            },
-            (None, quick_xml::Error::Io(source)) => MapError::Io {
-                file: self.file.to_owned(),
-                source: std::io::Error::new(source.kind(), source.to_string()),
-            },
-            (None, error) => self.damaged(format!("{error} (noticed at {})", fence.place())),
-        }
-    }
-
-    fn bad_value(&self, error: &quick_xml::Error) -> MapError {
-        match error {
-            quick_xml::Error::Escape(EscapeError::UnrecognizedEntity(_, name)) => {
-                self.forbidden(format!("the entity &{};", shown(name)))
-            }
-            other => self.damaged(format!("bad attribute value: {other}")),
-        }
-    }
-
-    fn damaged(&self, what: String) -> MapError {
-        MapError::Xml {
-            file: self.file.to_owned(),
-            line: self.place.line,
-            column: self.place.column,
-            what,
-        }
-    }
-
-    fn forbidden(&self, what: String) -> MapError {
-        MapError::Forbidden {
-            file: self.file.to_owned(),
-            line: self.place.line,
-            column: self.place.column,
-            what,
-        }
-    }
-
-    fn limit(&self, what: &'static str, limit: usize, name: &'static str) -> MapError {
-        MapError::Limit {
-            file: self.file.to_owned(),
-            line: self.place.line,
-            column: self.place.column,
-            what,
-            limit: limit as u64,
-            name,
-        }
-    }
 }
 
 impl Thing {
@@ -498,13 +318,4 @@ fn coordinate(name: &str, text: &str, limit: f64) -> Result<f64, String> {
         Ok(value) => Err(format!("{name} is {value}, outside of -{limit}..={limit}")),
         Err(_) => Err(format!("{name} is {:?}, not a number", shown(text))),
     }
-}
-
-fn is_utf8(encoding: &str) -> bool {
-    ["utf-8", "utf8", "us-ascii", "ascii"].contains(&encoding.to_ascii_lowercase().as_str())
-}
-
-/// Text from outside, short enough for a message.
-fn shown(text: &str) -> String {
-    text.chars().take(60).collect()
 }

@@ -124,7 +124,7 @@ pub(crate) enum Command {
     Init {
         /// Folder of the new store.
         store: PathBuf,
-        /// Map files (Lanelet2 .osm).
+        /// Map files (Lanelet2 .osm, OpenDRIVE .xodr, Argoverse 2 .json).
         #[arg(long, required = true, num_args = 1..)]
         map: Vec<PathBuf>,
         /// Level of the NDS tiles.
