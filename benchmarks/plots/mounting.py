@@ -2,7 +2,7 @@
 
     python mounting.py POINTS.csv OUT.png [FROM_M [LENGTH_M]]
 
-POINTS.csv comes from `cargo run -p tilefold-workers --example mounting`. FROM_M is along the road
+POINTS.csv comes from `cargo run -p tilefold-benchmarks --example mounting`. FROM_M is along the road
 from the first point.
 """
 

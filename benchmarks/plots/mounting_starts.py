@@ -2,7 +2,7 @@
 
     python mounting_starts.py EXAMPLE LOG MAP COUNT SEED ANGLE_RAD HEIGHT_M PITCH YAW HEIGHT
 
-EXAMPLE is the program of `cargo build -p tilefold-workers --example mounting`; starts are drawn evenly
+EXAMPLE is the program of `cargo build -p tilefold-benchmarks --example mounting`; starts are drawn evenly
 within ANGLE_RAD and HEIGHT_M of roll 0, PITCH, YAW and HEIGHT.
 """
 

@@ -1,7 +1,7 @@
 //! How far the lines of a log in pixels lie from a map's lane markings: with the mounting that the
 //! log states or another one, by position alone, registered, and with the mounting refined.
 //!
-//! `cargo run -p tilefold-workers --example mounting -- LOG MAP [ROLL PITCH YAW HEIGHT [CSV]]`:
+//! `cargo run -p tilefold-benchmarks --example mounting -- LOG MAP [ROLL PITCH YAW HEIGHT [CSV]]`:
 //! radians about the vehicle's axes (pitch positive downwards) and metres above the road. CSV is
 //! where the points go, in the plane of the first chunk.
 
