@@ -5,7 +5,9 @@ use nalgebra::Vector3;
 
 use crate::camera::{Camera, NEAR_M};
 
-/// A lens bends straight lines: they are followed in steps this long, in metres.
+/// A lens bends straight lines: they are followed in steps of this share of the depth, so that none
+/// crosses much of the image, and in steps no longer than this, in metres.
+const STEP_PER_DEPTH: f64 = 0.1;
 const STEP_M: f64 = 0.5;
 /// Halvings that find where a line leaves the trusted range: to a thousandth of a millimetre.
 const HALVINGS: usize = 20;
@@ -29,10 +31,12 @@ impl Camera {
 
     /// Follows a segment that lies before the near plane.
     fn follow(&self, [from, to]: [Vector3<f64>; 2], pieces: &mut Pieces) {
-        let steps = ((to - from).norm() / STEP_M).ceil().max(1.0);
-        let at = |step: f64| from.lerp(&to, (step / steps).min(1.0));
-        for step in 0..steps as u32 {
-            let (from, to) = (at(f64::from(step)), at(f64::from(step) + 1.0));
+        let length_m = (to - from).norm();
+        let mut way_m = 0.0;
+        while way_m < length_m {
+            let here = from.lerp(&to, way_m / length_m);
+            way_m += (STEP_PER_DEPTH * here.z).min(STEP_M);
+            let (from, to) = (here, from.lerp(&to, (way_m / length_m).min(1.0)));
             let trusted = self.trusted([from, to]);
             let clipped = trusted.and_then(|ends| clip(ends, self.bounds_px()));
             match clipped {
