@@ -1,7 +1,7 @@
 //! Where the vehicle was: a smooth trajectory through noisy, jumping GNSS (method.md, section 2).
 //!
-//! Fixes, heading, gyro and wheels are fused at evenly spaced nodes: [`crate::heading`] makes a
-//! heading, [`crate::motion`] the places and what the heading is off by. Slow GNSS error (which is
+//! Fixes, heading, gyro and wheels are fused at evenly spaced nodes: `heading` makes a
+//! heading, `motion` the places and what the heading is off by. Slow GNSS error (which is
 //! most of it) stays in the trajectory: registration against the map takes it out. What a log does
 //! not have is done without, and [`Sources`] says so.
 
