@@ -18,6 +18,7 @@ use tilefold_tiler::tile::tile_of;
 use crate::candidates::candidate_id;
 use crate::elements::round_degrees;
 use crate::fold::Fold;
+use crate::look::{Look, Sighted};
 
 /// Sightings are of one thing if they lie within this of each other: along the way, where a vehicle's
 /// position is worse, and across it, in metres.
@@ -27,12 +28,11 @@ const ACROSS_M: f64 = 1.6;
 const LANE_M: f64 = 4.5;
 /// Prior that a place where something was sighted has what the map lacks.
 const PRIOR_ADDED: f64 = 0.02;
-/// P(sighting | there, looked at).
-const DETECTION: f64 = 0.75;
-/// P(sighting | nothing there).
-const CLUTTER: f64 = 0.05;
-/// Bound of a vehicle's influence.
-const CONTAMINATION: f64 = 0.05;
+/// How often an area is sighted.
+const SIGHTED: Sighted = Sighted {
+    there: 0.75,
+    nothing: 0.05,
+};
 /// A sign is read by who drives within this of its direction (cosine of 45 degrees).
 const READABLE_COS: f64 = 0.707;
 /// An outline and what its place may be off keep this far from the border of what was looked at, in
@@ -336,7 +336,7 @@ impl<'s, 'a> Candidate<'s, 'a> {
         let looked = looks.at(self, kind, frame);
         let nats_fx: i64 = looked
             .iter()
-            .map(|(vehicle, look)| fixed::from_f64(look.nats(sighted.contains(vehicle))))
+            .map(|(vehicle, look)| fixed::from_f64(look.nats(sighted.contains(vehicle), SIGHTED)))
             .sum();
         let odds = libm::log(PRIOR_ADDED / (1.0 - PRIOR_ADDED)) + fixed::to_f64(nats_fx);
         let p_added = 1.0 / (1.0 + libm::exp(-odds));
@@ -458,30 +458,6 @@ fn turned(points: &[[f64; 2]], reference: &Seen<'_>) -> Vec<[f64; 2]> {
         .into_iter()
         .map(|index| points[index])
         .collect()
-}
-
-/// One vehicle's looks at a place.
-#[derive(Debug, Clone, Copy)]
-struct Look {
-    visibility: f64,
-    frames: i64,
-    first_ns: i64,
-    last_ns: i64,
-}
-
-impl Look {
-    /// Log-likelihood ratio of "there" against "nothing there", bounded.
-    fn nats(&self, saw: bool) -> f64 {
-        let seen_if_there = self.visibility * DETECTION + (1.0 - self.visibility) * CLUTTER;
-        let (there, nothing) = if saw {
-            (seen_if_there, CLUTTER)
-        } else {
-            (1.0 - seen_if_there, 1.0 - CLUTTER)
-        };
-        let mean = 0.5 * (there + nothing);
-        let mixed = |likelihood: f64| (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
-        libm::log(mixed(there) / mixed(nothing))
-    }
 }
 
 /// Footprints of areas by place, in degrees.

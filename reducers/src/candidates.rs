@@ -17,10 +17,10 @@ use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::station::{Polyline, Projection};
 use tilefold_tiler::tile::tile_of;
 
-use crate::calibrated::CONTAMINATION;
 use crate::chain;
 use crate::elements::{SECTION_M, round_degrees};
 use crate::fold::Fold;
+use crate::look::{Look, Sighted};
 use crate::moved::{self, Gone};
 
 /// Sightings whose boxes come this near belong to one component, in degrees (about 5 m).
@@ -33,10 +33,11 @@ const WINDOW_M: (f64, f64) = (4.0, 0.9);
 const MAX_GAP_M: f64 = 12.0;
 /// A vehicle's sighting within this distance along the line is a hit, in metres.
 const HIT_REACH_M: f64 = 6.0;
-/// P(sighting | a line is there, fully visible).
-const DETECTION: f64 = 0.8;
-/// P(sighting | nothing there): clutter that lasts long enough for a track.
-const CLUTTER: f64 = 0.1;
+/// How often a line is sighted: clutter, too, lasts long enough for a track.
+const SIGHTED: Sighted = Sighted {
+    there: 0.8,
+    nothing: 0.1,
+};
 /// Prior that a place where something was sighted has paint that the map lacks.
 const PRIOR_ADDED: f64 = 0.02;
 /// Neighbouring sections share their passes: see `elements`.
@@ -493,15 +494,6 @@ impl<'a> LookIndex<'a> {
     }
 }
 
-/// One vehicle's looks at a place.
-#[derive(Debug, Clone, Copy)]
-struct Look {
-    visibility: f64,
-    frames: i64,
-    first_ns: i64,
-    last_ns: i64,
-}
-
 fn degrees(footprint: &Footprint) -> [f64; 2] {
     [
         footprint.longitude_e9 as f64 * 1e-9,
@@ -616,22 +608,10 @@ impl SectionLooks {
         let sum_fx: i64 = self
             .looks
             .values()
-            .map(|(look, saw)| fixed::from_f64(pass_nats(look.visibility, *saw)))
+            .map(|(look, saw)| fixed::from_f64(look.nats(*saw, SIGHTED)))
             .sum();
         fixed::to_f64(sum_fx)
     }
-}
-
-fn pass_nats(visibility: f64, saw: bool) -> f64 {
-    let seen_if_there = visibility * DETECTION + (1.0 - visibility) * CLUTTER;
-    let (there, nothing) = if saw {
-        (seen_if_there, CLUTTER)
-    } else {
-        (1.0 - seen_if_there, 1.0 - CLUTTER)
-    };
-    let mean = 0.5 * (there + nothing);
-    let mixed = |likelihood: f64| (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
-    libm::log(mixed(there) / mixed(nothing))
 }
 
 #[allow(

@@ -15,6 +15,7 @@ pub mod elements;
 pub mod fit;
 pub mod fold;
 mod lines;
+mod look;
 mod markings;
 pub mod moved;
 pub mod paper;
