@@ -1,5 +1,6 @@
 //! Bytes to nouns and back: logs, maps, exports.
 
+pub mod export;
 pub mod geojson;
 pub mod log;
 pub mod log_write;

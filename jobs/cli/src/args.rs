@@ -33,8 +33,11 @@ impl Args {
     /// command. Usage errors end the process with their exit code.
     pub(crate) fn parse_checked() -> Self {
         let args = Self::parse();
-        if args.format == Format::Geojson && !matches!(args.command, Command::Export { .. }) {
-            let why = "--format geojson is for `export`; this command prints `text` or `json`";
+        if args.format.is_for_export() && !matches!(args.command, Command::Export { .. }) {
+            let name = args.format.to_possible_value();
+            let name = name.as_ref().map_or("", |value| value.get_name());
+            let why =
+                format!("--format {name} is for `export`; this command prints `text` or `json`");
             Self::command()
                 .error(ErrorKind::ArgumentConflict, why)
                 .exit();
@@ -51,8 +54,22 @@ pub(crate) enum Format {
     Text,
     /// One JSON value.
     Json,
-    /// RFC 7946 (`export` only).
+    /// RFC 7946 (this one and all below: `export` only).
     Geojson,
+    /// A Parquet table with geometry, version 1.1.
+    Geoparquet,
+    /// FlatGeobuf with its spatial index.
+    Flatgeobuf,
+    /// Vector tiles in one file: the changes over the map.
+    Pmtiles,
+    /// A scene of the changes over the map, in Foxglove's messages.
+    Mcap,
+}
+
+impl Format {
+    fn is_for_export(self) -> bool {
+        !matches!(self, Self::Text | Self::Json)
+    }
 }
 
 /// Form of progress.
@@ -184,23 +201,9 @@ pub(crate) enum Command {
         #[arg(long)]
         version: Option<i64>,
     },
-    /// Writes the changes of a version, to standard output if no file is named. `--format geojson`.
-    Export {
-        /// The store.
-        store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
-        /// File to write.
-        #[arg(long, short)]
-        out: Option<PathBuf>,
-        /// Least posterior of what is written.
-        #[arg(long, default_value_t = 0.5)]
-        threshold: f64,
-        /// Also what did not change and what is unknown.
-        #[arg(long)]
-        all: bool,
-    },
+    /// Writes the changes of a version, to standard output if no file is named; `--format` says in
+    /// which form (GeoJSON if it says none).
+    Export(Export),
     /// Scores a version against known changes.
     Evaluate {
         /// The store.
@@ -250,6 +253,28 @@ pub(crate) enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+/// What `export` writes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Export {
+    /// The store.
+    pub store: PathBuf,
+    /// Version; the latest if not given.
+    #[arg(long)]
+    pub version: Option<i64>,
+    /// File to write.
+    #[arg(long, short, visible_alias = "output")]
+    pub out: Option<PathBuf>,
+    /// Least posterior of what is written: 0.5 if not given.
+    #[arg(long)]
+    pub threshold: Option<f64>,
+    /// Least number of vehicles that looked at what is written: 0 if not given.
+    #[arg(long)]
+    pub min_vehicles: Option<i32>,
+    /// Also what did not change and what is unknown.
+    #[arg(long)]
+    pub all: bool,
 }
 
 /// What `simulate` makes.

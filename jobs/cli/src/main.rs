@@ -5,6 +5,7 @@ mod calibration;
 mod command;
 mod demo;
 mod evaluation;
+mod export;
 mod progress;
 mod reference;
 mod report;

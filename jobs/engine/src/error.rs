@@ -16,6 +16,9 @@ pub enum EngineError {
     /// A truth file could not be read.
     #[error(transparent)]
     GeoJson(#[from] tilefold_formats::geojson::GeoJsonError),
+    /// An export could not be written.
+    #[error(transparent)]
+    Export(#[from] tilefold_formats::export::ExportError),
     /// A row of the store is not what it should be.
     #[error(
         "the store holds a {what} that cannot be read: {reason}; run `tilefold verify` and restore the file it names"

@@ -8,6 +8,7 @@ mod base_map;
 pub mod calibrate;
 pub mod error;
 pub mod evaluate;
+pub mod export;
 pub mod init;
 pub mod logs;
 pub mod map_job;
