@@ -5,5 +5,6 @@ pub mod geojson;
 pub mod log;
 pub mod log_write;
 pub mod map;
+pub mod map_patch;
 pub mod map_write;
 pub mod matching_truth;

@@ -15,7 +15,7 @@ mod text;
 
 use tilefold_schemas::wkb::WkbError;
 
-pub use self::plan::{NotApplied, Patch};
+pub use self::plan::{NewIds, NotApplied, Patch};
 pub use self::text::OsmText;
 
 /// Why a map cannot be patched.

@@ -1,5 +1,5 @@
 //! FlatGeobuf: changes with a spatial index (a packed Hilbert R-tree), for QGIS and whatever else
-//! reads through GDAL.
+//! reads through GDAL. Without heights: readers refuse the combination of "any type" and "with z".
 
 use std::io::Write;
 
@@ -35,7 +35,6 @@ pub fn write_flatgeobuf(
         },
         detect_type: false,
         promote_to_multi: false,
-        has_z: true,
         ..FgbWriterOptions::default()
     };
     let mut file = FgbWriter::create_with_options("changes", GeometryType::Unknown, options)
@@ -106,9 +105,8 @@ impl GeozeroGeometry for Shape<'_> {
 }
 
 fn vertices(points: &[[f64; 3]], to: &mut impl GeomProcessor) -> geozero::error::Result<()> {
-    for (index, &[longitude_deg, latitude_deg, elevation_m]) in points.iter().enumerate() {
-        let z = Some(elevation_m);
-        to.coordinate(longitude_deg, latitude_deg, z, None, None, None, index)?;
+    for (index, &[longitude_deg, latitude_deg, _]) in points.iter().enumerate() {
+        to.xy(longitude_deg, latitude_deg, index)?;
     }
     Ok(())
 }

@@ -42,6 +42,9 @@ impl Args {
                 .error(ErrorKind::ArgumentConflict, why)
                 .exit();
         }
+        if let Command::Export(export) = &args.command {
+            export.check(args.format);
+        }
         args
     }
 }
@@ -64,11 +67,19 @@ pub(crate) enum Format {
     Pmtiles,
     /// A scene of the changes over the map, in Foxglove's messages.
     Mcap,
+    /// The map with the changes in it; takes `--map`.
+    Lanelet2,
+    /// The changes of the map as an OsmChange; takes `--map`.
+    Osc,
 }
 
 impl Format {
     fn is_for_export(self) -> bool {
         !matches!(self, Self::Text | Self::Json)
+    }
+
+    fn is_map(self) -> bool {
+        matches!(self, Self::Lanelet2 | Self::Osc)
     }
 }
 
@@ -266,15 +277,33 @@ pub(crate) struct Export {
     /// File to write.
     #[arg(long, short, visible_alias = "output")]
     pub out: Option<PathBuf>,
-    /// Least posterior of what is written: 0.5 if not given.
+    /// For `lanelet2` and `osc`: the map file that the store was made from (`init --map`).
+    #[arg(long)]
+    pub map: Option<PathBuf>,
+    /// Least posterior of what is written. If not given: 0.5 for what is looked at, and 0.85, as in
+    /// `evaluate`, for what goes into a map.
     #[arg(long)]
     pub threshold: Option<f64>,
-    /// Least number of vehicles that looked at what is written: 0 if not given.
+    /// Least number of vehicles that looked at what is written. If not given: 0 for what is looked
+    /// at, and 5, as in `evaluate`, for what goes into a map.
     #[arg(long)]
     pub min_vehicles: Option<i32>,
-    /// Also what did not change and what is unknown.
+    /// Also what did not change and what is unknown; not for maps.
     #[arg(long)]
     pub all: bool,
+}
+
+impl Export {
+    /// Ends the process where the options do not go together.
+    fn check(&self, format: Format) {
+        let why = match (format.is_map(), &self.map, self.all) {
+            (true, None, _) => "this form needs the map that the store was made from: --map FILE",
+            (true, _, true) => "--all is not for maps: only changes go into one",
+            (false, Some(_), _) => "--map is for `--format lanelet2` and `--format osc`",
+            _ => return,
+        };
+        Args::command().error(ErrorKind::ArgumentConflict, why).exit();
+    }
 }
 
 /// What `simulate` makes.

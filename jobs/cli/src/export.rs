@@ -6,17 +6,20 @@ use std::io::{BufWriter, IsTerminal, Write};
 use std::path::Path;
 
 use tilefold_engine::Criteria;
-use tilefold_engine::export::{Choice, View, chosen, write_view};
+use tilefold_engine::export::{Amendment, Choice, View, chosen, write_amended, write_view};
 use tilefold_schemas::ChangeRecord;
 use tilefold_store::{Snapshot, Store};
 
 use crate::args::{Args, Export, Format};
-use crate::report::Outcome;
+use crate::report::{Outcome, print_set_aside};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Posterior from which a change is shown.
-const SHOWN: f64 = 0.5;
+/// What is shown where nothing is asked for.
+const SHOWN: Criteria = Criteria {
+    threshold: 0.5,
+    min_vehicles: 0,
+};
 
 /// Writes what is asked for.
 ///
@@ -24,16 +27,52 @@ const SHOWN: f64 = 0.5;
 /// The store cannot be read, or the file not be written.
 pub(crate) fn export(args: &Args, asked: &Export) -> Result<Outcome> {
     let snapshot = Store::open(asked.store.clone())?.snapshot(asked.version)?;
+    let amendment = match args.format {
+        Format::Lanelet2 => Some(Amendment::Lanelet2),
+        Format::Osc => Some(Amendment::Osc),
+        _ => None,
+    };
+    let usual = match amendment {
+        Some(_) => Criteria::default(),
+        None => SHOWN,
+    };
     let criteria = Criteria {
-        threshold: asked.threshold.unwrap_or(SHOWN),
-        min_vehicles: asked.min_vehicles.unwrap_or(0),
+        threshold: asked.threshold.unwrap_or(usual.threshold),
+        min_vehicles: asked.min_vehicles.unwrap_or(usual.min_vehicles),
     };
     let choice = match asked.all {
         true => Choice::All,
         false => Choice::Claims(criteria),
     };
     let records = chosen(&snapshot, choice)?;
-    show(&snapshot, &records, view(args.format), asked)
+    match (amendment, &asked.map) {
+        (Some(form), Some(map)) => amend(&snapshot, records, map, form, asked.out.as_deref()),
+        _ => show(&snapshot, &records, view(args.format), asked),
+    }
+}
+
+fn amend(
+    snapshot: &Snapshot,
+    records: Vec<ChangeRecord>,
+    map: &Path,
+    form: Amendment,
+    out: Option<&Path>,
+) -> Result<Outcome> {
+    let amended = match out {
+        Some(path) => to_file(path, |out| {
+            Ok(write_amended(snapshot, records, map, form, out)?)
+        })?,
+        None => write_amended(snapshot, records, map, form, &mut std::io::stdout().lock())?,
+    };
+    eprintln!("{} changes are in it", amended.applied);
+    if amended.elsewhere > 0 {
+        eprintln!("{} are about other maps of the store", amended.elsewhere);
+    }
+    print_set_aside(&amended.set_aside);
+    Ok(match amended.set_aside.is_empty() {
+        true => Outcome::Done,
+        false => Outcome::SetAside,
+    })
 }
 
 fn view(format: Format) -> View {
@@ -42,7 +81,7 @@ fn view(format: Format) -> View {
         Format::Flatgeobuf => View::FlatGeobuf,
         Format::Pmtiles => View::PmTiles,
         Format::Mcap => View::Scene,
-        Format::Text | Format::Json | Format::Geojson => View::GeoJson,
+        _ => View::GeoJson,
     }
 }
 
