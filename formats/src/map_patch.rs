@@ -15,8 +15,10 @@ mod text;
 
 use tilefold_schemas::wkb::WkbError;
 
+pub(crate) use self::line::{distance_m, offset_m};
 pub use self::plan::{NewIds, NotApplied, Patch};
 pub use self::text::OsmText;
+pub(crate) use self::text::Thing;
 
 /// Why a map cannot be patched.
 #[derive(Debug, thiserror::Error)]

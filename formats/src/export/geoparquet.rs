@@ -152,7 +152,9 @@ fn corners() -> Fields {
 fn boxes(changes: &[Change<'_>]) -> Result<StructArray, ArrowError> {
     let boxes: Vec<Option<[f64; 4]>> = changes.iter().map(bounds).collect();
     let column = |corner: usize| -> ArrayRef {
-        let values = boxes.iter().map(|cell| cell.map_or(0.0, |cell| cell[corner]));
+        let values = boxes
+            .iter()
+            .map(|cell| cell.map_or(0.0, |cell| cell[corner]));
         Arc::new(Float64Array::from_iter_values(values))
     };
     let nulls = boxes.iter().map(Option::is_some).collect::<Vec<bool>>();

@@ -146,10 +146,19 @@ fn of_element(row: &ElementRow) -> Vec<(&'static str, Property)> {
     let text = |name: Option<&str>| Property::Text(name.unwrap_or("unknown").to_owned());
     vec![
         ("element_id", Property::Integer(row.element)),
-        ("kind", text(ElementKind::from_code(row.kind).map(ElementKind::name))),
-        ("marking", text(Marking::from_code(row.marking).map(Marking::name))),
+        (
+            "kind",
+            text(ElementKind::from_code(row.kind).map(ElementKind::name)),
+        ),
+        (
+            "marking",
+            text(Marking::from_code(row.marking).map(Marking::name)),
+        ),
         ("color", text(Color::from_code(row.color).map(Color::name))),
-        ("sign", text(SignClass::from_code(row.sign).map(SignClass::name))),
+        (
+            "sign",
+            text(SignClass::from_code(row.sign).map(SignClass::name)),
+        ),
     ]
 }
 

@@ -20,6 +20,7 @@ use super::attributes::{ATTRIBUTES, Value, values};
 use super::change::Change;
 use super::error::ExportError;
 use crate::geojson::{utc, write_changes};
+use crate::heights::Heights;
 use crate::log_write::{Encoded, LogWriteError, message, timestamp};
 
 /// The frame of the scene: metres east, north and up of its origin.
@@ -54,7 +55,10 @@ pub fn write_scene(scene: &Scene<'_>, out: &mut impl Write) -> Result<(), Export
         log.write("/map", &message("foxglove.SceneUpdate", &update(entities))?)?;
     }
     for entities in change_entities(scene, stamp)?.into_values() {
-        log.write("/changes", &message("foxglove.SceneUpdate", &update(entities))?)?;
+        log.write(
+            "/changes",
+            &message("foxglove.SceneUpdate", &update(entities))?,
+        )?;
     }
     let mut geojson = Vec::new();
     write_changes(scene.records, &mut geojson)?;
@@ -89,6 +93,11 @@ fn map_entities(scene: &Scene<'_>, stamp: fox::Timestamp) -> Result<ByTile, Expo
 
 fn change_entities(scene: &Scene<'_>, stamp: fox::Timestamp) -> Result<ByTile, ExportError> {
     let mut by_tile = ByTile::new();
+    let shapes = scene
+        .elements
+        .iter()
+        .filter_map(|row| wkb::read(&row.geometry).ok());
+    let heights = Heights::new(shapes.flat_map(|shape| shape.points));
     for record in scene.records {
         let change = Change::of(record)?;
         let Some(geometry) = &change.geometry else {
@@ -96,7 +105,11 @@ fn change_entities(scene: &Scene<'_>, stamp: fox::Timestamp) -> Result<ByTile, E
         };
         let [r, g, b] = color(change.verdict);
         let opacity = change.posterior().clamp(0.0, 1.0);
-        let drawn = line(scene, geometry, LIFT_M, CHANGE_WIDTH_M, [r, g, b, opacity]);
+        let geometry = Geometry {
+            points: heights.complete(&geometry.points),
+            ..*geometry
+        };
+        let drawn = line(scene, &geometry, LIFT_M, CHANGE_WIDTH_M, [r, g, b, opacity]);
         let entity = fox::SceneEntity {
             id: format!("{:016x}", record.change),
             metadata: metadata(&change),
@@ -254,9 +267,9 @@ impl Log {
             &encoded.schema_data,
         )?;
         let no_facts = BTreeMap::new();
-        let channel =
-            self.mcap
-                .add_channel(schema, topic, encoded.message_encoding, &no_facts)?;
+        let channel = self
+            .mcap
+            .add_channel(schema, topic, encoded.message_encoding, &no_facts)?;
         self.channels.insert(topic, channel);
         Ok(channel)
     }

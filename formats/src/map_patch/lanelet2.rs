@@ -53,15 +53,27 @@ struct Style {
 
 impl Style {
     fn of(text: &OsmText) -> Self {
-        let first = text.nodes.values().map(|node| &node.span).min_by_key(|span| span.start);
+        let first = text
+            .nodes
+            .values()
+            .map(|node| &node.span)
+            .min_by_key(|span| span.start);
         let before = first.map_or("", |span| &text.text[..span.start]);
         let indent = before.rsplit('\n').next().unwrap_or("");
         let is_blank = indent.chars().all(|c| c == ' ' || c == '\t');
         let said = first.map_or("", |span| &text.text[span.clone()]);
         Self {
             quote: if said.contains('"') { '"' } else { '\'' },
-            line: if text.text.contains("\r\n") { "\r\n" } else { "\n" },
-            indent: if is_blank { indent.to_owned() } else { String::new() },
+            line: if text.text.contains("\r\n") {
+                "\r\n"
+            } else {
+                "\n"
+            },
+            indent: if is_blank {
+                indent.to_owned()
+            } else {
+                String::new()
+            },
         }
     }
 
@@ -101,7 +113,11 @@ impl Style {
         }
         let version = self.attribute("version", "1");
         let open = format!("{}{}<node{id}{version}{lat}{lon}", self.line, self.indent);
-        self.closed(open, "node", tags.iter().map(|(key, value)| self.tag(key, value)))
+        self.closed(
+            open,
+            "node",
+            tags.iter().map(|(key, value)| self.tag(key, value)),
+        )
     }
 
     fn way(&self, id: i64, body: &WayBody) -> String {
@@ -117,7 +133,12 @@ impl Style {
         format!("<nd{}/>", self.attribute("ref", &node.to_string()))
     }
 
-    fn closed(&self, mut open: String, name: &str, children: impl Iterator<Item = String>) -> String {
+    fn closed(
+        &self,
+        mut open: String,
+        name: &str,
+        children: impl Iterator<Item = String>,
+    ) -> String {
         let children: Vec<String> = children.collect();
         if children.is_empty() {
             open.push_str("/>");

@@ -54,7 +54,8 @@ pub(super) fn cut(line: &mut Vec<Vertex>, station_m: f64) -> usize {
         return after.min(line.len().saturating_sub(1));
     };
     let share = (station_m - from.station_m) / (to.station_m - from.station_m);
-    let point = [0, 1, 2].map(|axis| from.point[axis] + share * (to.point[axis] - from.point[axis]));
+    let point =
+        [0, 1, 2].map(|axis| from.point[axis] + share * (to.point[axis] - from.point[axis]));
     let vertex = Vertex {
         place: Place::New(point),
         point,
@@ -65,13 +66,13 @@ pub(super) fn cut(line: &mut Vec<Vertex>, station_m: f64) -> usize {
 }
 
 /// Metres between two positions, on the plane that touches the ellipsoid between them.
-pub(super) fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(crate) fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     let [east_m, north_m] = offset_m(a, b);
     east_m.hypot(north_m)
 }
 
 /// Metres to the east and to the north, from `a` to `b`.
-pub(super) fn offset_m(a: [f64; 3], b: [f64; 3]) -> [f64; 2] {
+pub(crate) fn offset_m(a: [f64; 3], b: [f64; 3]) -> [f64; 2] {
     let [meridian_m, normal_m] = radii_m(a[1].midpoint(b[1]).to_radians());
     let latitude = a[1].midpoint(b[1]).to_radians();
     [

@@ -81,8 +81,6 @@ impl LocalGrid {
     fn nearest(&self, point: [f64; 3], admits: impl Fn(&Known) -> bool) -> Option<Known> {
         let away = |known: &&Known| distance_m(known.point, point);
         let admitted = self.known.iter().filter(|known| admits(known));
-        admitted
-            .min_by(|a, b| away(a).total_cmp(&away(b)))
-            .copied()
+        admitted.min_by(|a, b| away(a).total_cmp(&away(b))).copied()
     }
 }

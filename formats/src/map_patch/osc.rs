@@ -114,8 +114,8 @@ fn way(id: i64, version: u64, body: &WayBody) -> String {
 
 fn children(nodes: &[i64], tags: &Tags) -> String {
     let nodes = nodes.iter().map(|node| format!("<nd ref='{node}'/>"));
-    let tags = tags.iter().map(|(key, value)| {
-        format!("<tag k='{}' v='{}'/>", escape(key), escape(value))
-    });
+    let tags = tags
+        .iter()
+        .map(|(key, value)| format!("<tag k='{}' v='{}'/>", escape(key), escape(value)));
     nodes.chain(tags).collect()
 }

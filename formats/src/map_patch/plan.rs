@@ -6,12 +6,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use tilefold_schemas::{ChangeRecord, ElementKind, Marking, SignClass, Verdict, wkb};
 use tilefold_schemas::element::Color;
+use tilefold_schemas::{ChangeRecord, ElementKind, Marking, SignClass, Verdict, wkb};
 
 use super::PatchError;
 use super::line::{Place, Vertex, cut, vertices};
 use super::text::{OsmText, Thing};
+use crate::heights::Heights;
 use crate::map_write::lanelet2_tags;
 
 /// The tag that names the change by which something came into the map.
@@ -72,11 +73,7 @@ impl Patch {
     ///
     /// # Errors
     /// A record's geometry is none.
-    pub fn plan(
-        text: &OsmText,
-        records: &[ChangeRecord],
-        ids: NewIds,
-    ) -> Result<Self, PatchError> {
+    pub fn plan(text: &OsmText, records: &[ChangeRecord], ids: NewIds) -> Result<Self, PatchError> {
         let mut by_element: BTreeMap<i64, Vec<&ChangeRecord>> = BTreeMap::new();
         let mut planner = Planner::new(text, ids);
         for record in records {
@@ -103,6 +100,7 @@ struct Planner<'a> {
     named: BTreeSet<i64>,
     /// Where shared ends go, if all ways that share them move.
     ends: BTreeMap<i64, [f64; 3]>,
+    heights: Heights,
     patch: Patch,
 }
 
@@ -144,7 +142,12 @@ impl<'a> Planner<'a> {
             NewIds::Positive => all().max().unwrap_or(0).max(0).saturating_add(1),
             NewIds::Negative => all().min().unwrap_or(0).min(0).saturating_sub(1),
         };
-        let has_elevations = text.nodes.values().any(|node| node.tags.contains_key("ele"));
+        let has_height = |(_, node): &(&i64, &Thing)| node.tags.contains_key("ele");
+        let raised = text.nodes.iter().filter(has_height).map(|(id, _)| id);
+        let has_elevations = text
+            .nodes
+            .values()
+            .any(|node| node.tags.contains_key("ele"));
         Self {
             text,
             ids,
@@ -152,6 +155,7 @@ impl<'a> Planner<'a> {
             users,
             named,
             ends: BTreeMap::new(),
+            heights: Heights::new(raised.filter_map(|id| text.position(*id))),
             patch: Patch {
                 has_elevations,
                 ..Patch::default()
@@ -197,9 +201,9 @@ impl<'a> Planner<'a> {
         let mut tags = lanelet2_tags(kind, marking(record), Color::Unknown, sign(record));
         tags.insert(PROVENANCE.to_owned(), format!("{:016x}", record.change));
         let mut nodes = Vec::with_capacity(geometry.points.len() + 1);
-        for point in &geometry.points {
+        for point in self.heights.complete(&geometry.points) {
             let id = self.new_id();
-            self.patch.new_nodes.insert(id, *point);
+            self.patch.new_nodes.insert(id, point);
             nodes.push(id);
         }
         if geometry.is_area {
@@ -225,7 +229,10 @@ impl<'a> Planner<'a> {
                     continue;
                 };
                 let [starts, ends] = reach(record, last.station_m);
-                let ends = [(starts, way.nodes.first(), new.first()), (ends, way.nodes.last(), new.last())];
+                let ends = [
+                    (starts, way.nodes.first(), new.first()),
+                    (ends, way.nodes.last(), new.last()),
+                ];
                 for (reached, node, point) in ends {
                     if let (true, Some(node), Some(point)) = (reached, node, point) {
                         said.entry(*node).or_default().push(*point);
@@ -237,7 +244,8 @@ impl<'a> Planner<'a> {
             let users = self.users.get(&node).map_or(0, BTreeSet::len);
             if points.len() >= users {
                 let count = points.len() as f64;
-                let mean = [0, 1, 2].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / count);
+                let mean =
+                    [0, 1, 2].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / count);
                 self.ends.insert(node, mean);
             }
         }
@@ -306,7 +314,12 @@ impl<'a> Planner<'a> {
         let mut tags = way.plain_tags();
         let seen = sign(record);
         if record.kind == ElementKind::GroundSign.code() && seen != SignClass::Unknown {
-            let said = lanelet2_tags(ElementKind::GroundSign, Marking::Unknown, Color::Unknown, seen);
+            let said = lanelet2_tags(
+                ElementKind::GroundSign,
+                Marking::Unknown,
+                Color::Unknown,
+                seen,
+            );
             if way.tag("subtype") != seen.name() {
                 tags.extend(said.into_iter().filter(|(key, _)| key != "area"));
             }
@@ -314,8 +327,9 @@ impl<'a> Planner<'a> {
         tags.insert(PROVENANCE.to_owned(), format!("{:016x}", record.change));
         let mut line = vertices(&self.text.points(way));
         line.pop();
-        if let Some(new) = geometry(record)?.filter(|_| record.geometry_new.is_some()) {
-            line = new.points.iter().map(|&point| new_vertex(point, 0.0)).collect();
+        if let Some(new) = geometry(record)? {
+            let points = self.heights.complete(&new.points);
+            line = points.iter().map(|&point| new_vertex(point, 0.0)).collect();
         }
         let mut nodes = self.settle(way, &line);
         nodes.extend(nodes.first().copied());
@@ -349,7 +363,10 @@ impl<'a> Planner<'a> {
         };
         if line.len() != way.nodes.len() {
             for record in records {
-                self.refuse(record, format!("way {id} has nodes that are not in the map"));
+                self.refuse(
+                    record,
+                    format!("way {id} has nodes that are not in the map"),
+                );
             }
             return Ok(());
         }
@@ -399,6 +416,7 @@ impl<'a> Planner<'a> {
             }
         }
         if let Some(new) = moved(record, way)? {
+            let new = self.heights.complete(&new);
             self.shift(&mut edited.line, stretch, reach, &new);
         }
         Ok(())
@@ -422,7 +440,11 @@ impl<'a> Planner<'a> {
                 continue;
             };
             if let Some(kept) = self.end(end) {
-                let at = if is_first { 0 } else { inside.len().saturating_sub(1) };
+                let at = if is_first {
+                    0
+                } else {
+                    inside.len().saturating_sub(1)
+                };
                 inside.splice(at..(at + 1).min(inside.len()), [kept]);
             }
         }
@@ -593,8 +615,7 @@ fn stretch(record: &ChangeRecord, [starts, ends]: [bool; 2], length_m: f64) -> [
 }
 
 fn is_ring(way: &Thing) -> bool {
-    let closed = way.nodes.len() > 3 && way.nodes.first() == way.nodes.last();
-    closed
+    way.nodes.len() > 3 && way.nodes.first() == way.nodes.last()
 }
 
 fn new_vertex(point: [f64; 3], station_m: f64) -> Vertex {

@@ -12,47 +12,47 @@ use super::PatchError;
 /// An OSM file and where its nodes, ways and relations stand.
 #[derive(Debug)]
 pub struct OsmText {
-    pub(super) text: String,
-    pub(super) nodes: BTreeMap<i64, Thing>,
-    pub(super) ways: BTreeMap<i64, Thing>,
-    pub(super) relations: BTreeMap<i64, Thing>,
+    pub(crate) text: String,
+    pub(crate) nodes: BTreeMap<i64, Thing>,
+    pub(crate) ways: BTreeMap<i64, Thing>,
+    pub(crate) relations: BTreeMap<i64, Thing>,
     /// Where things of each kind are added: behind the last of them.
-    pub(super) end_of_nodes: usize,
-    pub(super) end_of_ways: usize,
+    pub(crate) end_of_nodes: usize,
+    pub(crate) end_of_ways: usize,
 }
 
 /// A node, way or relation.
 #[derive(Debug, Default, Clone)]
-pub(super) struct Thing {
-    pub(super) span: Range<usize>,
-    pub(super) attributes: BTreeMap<String, Said>,
-    pub(super) tags: BTreeMap<String, Said>,
-    pub(super) nodes: Vec<i64>,
+pub(crate) struct Thing {
+    pub(crate) span: Range<usize>,
+    pub(crate) attributes: BTreeMap<String, Said>,
+    pub(crate) tags: BTreeMap<String, Said>,
+    pub(crate) nodes: Vec<i64>,
     /// From the first `nd` to the last.
-    pub(super) nodes_span: Option<Range<usize>>,
-    pub(super) members: Vec<(String, i64, String)>,
+    pub(crate) nodes_span: Option<Range<usize>>,
+    pub(crate) members: Vec<(String, i64, String)>,
     /// Where another child would stand.
-    pub(super) end_of_children: usize,
+    pub(crate) end_of_children: usize,
 }
 
 /// A value, and where it stands: between its quotes, and as a whole child.
 #[derive(Debug, Default, Clone)]
-pub(super) struct Said {
-    pub(super) value: String,
-    pub(super) span: Range<usize>,
-    pub(super) child: Range<usize>,
+pub(crate) struct Said {
+    pub(crate) value: String,
+    pub(crate) span: Range<usize>,
+    pub(crate) child: Range<usize>,
 }
 
 impl Thing {
-    pub(super) fn number(&self, attribute: &str) -> Option<f64> {
+    pub(crate) fn number(&self, attribute: &str) -> Option<f64> {
         self.attributes.get(attribute)?.value.trim().parse().ok()
     }
 
-    pub(super) fn tag(&self, key: &str) -> &str {
+    pub(crate) fn tag(&self, key: &str) -> &str {
         self.tags.get(key).map_or("", |said| said.value.trim())
     }
 
-    pub(super) fn plain_tags(&self) -> BTreeMap<String, String> {
+    pub(crate) fn plain_tags(&self) -> BTreeMap<String, String> {
         let pairs = self.tags.iter();
         pairs
             .map(|(key, said)| (key.clone(), said.value.clone()))
@@ -181,13 +181,13 @@ impl OsmText {
     }
 
     /// The vertices of a way, as far as its nodes are in the file.
-    pub(super) fn points(&self, way: &Thing) -> Vec<(i64, [f64; 3])> {
+    pub(crate) fn points(&self, way: &Thing) -> Vec<(i64, [f64; 3])> {
         let at = |id: &i64| Some((*id, self.position(*id)?));
         way.nodes.iter().filter_map(at).collect()
     }
 
     /// `[longitude_deg, latitude_deg, elevation_m]`.
-    pub(super) fn position(&self, node: i64) -> Option<[f64; 3]> {
+    pub(crate) fn position(&self, node: i64) -> Option<[f64; 3]> {
         let node = self.nodes.get(&node)?;
         let elevation_m = node.tag("ele").parse().unwrap_or(0.0);
         Some([node.number("lon")?, node.number("lat")?, elevation_m])

@@ -10,7 +10,7 @@ use tilefold_engine::{FusionModel, Registering};
 /// vehicles.
 ///
 /// Exit codes: 0 done; 1 failed, nothing has changed, safe to run again; 2 usage; 3 done, but
-/// something was set aside (listed by name, file, offset and reason); 4 verify differs.
+/// something was set aside (listed by name, file, offset and reason); 4 verify or compare differs.
 #[derive(Debug, Parser)]
 #[command(name = "tilefold", version, max_term_width = 100)]
 pub(crate) struct Args {
@@ -212,6 +212,9 @@ pub(crate) enum Command {
         #[arg(long)]
         version: Option<i64>,
     },
+    /// Shows what differs between two maps, by geometry and not only by id, or between two versions of
+    /// a store. Exit code 4 where something does.
+    Compare(Compare),
     /// Writes the changes of a version, to standard output if no file is named; `--format` says in
     /// which form (GeoJSON if it says none).
     Export(Export),
@@ -266,6 +269,24 @@ pub(crate) enum Command {
     },
 }
 
+/// What `compare` compares.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Compare {
+    /// A map; or a store, whose versions are compared.
+    pub a: PathBuf,
+    /// The other map.
+    pub b: Option<PathBuf>,
+    /// Of maps: what lies within this many metres is in the same place.
+    #[arg(long, default_value_t = 0.01)]
+    pub tolerance_m: f64,
+    /// Of a store: the first version; the one before the second if not given.
+    #[arg(long, conflicts_with = "b")]
+    pub from: Option<i64>,
+    /// Of a store: the second version; the latest if not given.
+    #[arg(long, conflicts_with = "b")]
+    pub to: Option<i64>,
+}
+
 /// What `export` writes.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Export {
@@ -302,7 +323,9 @@ impl Export {
             (false, Some(_), _) => "--map is for `--format lanelet2` and `--format osc`",
             _ => return,
         };
-        Args::command().error(ErrorKind::ArgumentConflict, why).exit();
+        Args::command()
+            .error(ErrorKind::ArgumentConflict, why)
+            .exit();
     }
 }
 

@@ -19,7 +19,7 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{calibration, demo, evaluation, export, progress, reference, simulate, table};
+use crate::{calibration, compare, demo, evaluation, export, progress, reference, simulate, table};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -68,6 +68,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
         Command::Verify { store, version } => verify(args, store, *version),
+        Command::Compare(asked) => compare::compare(args, asked),
         Command::Export(asked) => export::export(args, asked),
         Command::Evaluate {
             store,

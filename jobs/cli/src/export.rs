@@ -92,9 +92,7 @@ fn show(
     asked: &Export,
 ) -> Result<Outcome> {
     let without = match asked.out.as_deref() {
-        Some(path) => to_file(path, |out| {
-            Ok(write_view(snapshot, records, view, out)?)
-        })?,
+        Some(path) => to_file(path, |out| Ok(write_view(snapshot, records, view, out)?))?,
         None => {
             let mut out = std::io::stdout();
             if view != View::GeoJson && out.is_terminal() {
@@ -113,10 +111,7 @@ fn show(
     Ok(Outcome::Done)
 }
 
-fn to_file<T>(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<T>,
-) -> Result<T> {
+fn to_file<T>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<T>) -> Result<T> {
     let file =
         File::create(path).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
     let mut writer = BufWriter::new(file);

@@ -3,6 +3,7 @@
 mod args;
 mod calibration;
 mod command;
+mod compare;
 mod demo;
 mod evaluation;
 mod export;
@@ -19,7 +20,7 @@ use crate::report::Outcome;
 
 /// Done, but something was set aside.
 const EXIT_SET_ASIDE: u8 = 3;
-/// Verify differs.
+/// Verify or compare differs.
 const EXIT_DIFFERS: u8 = 4;
 
 fn main() -> ExitCode {

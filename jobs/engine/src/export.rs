@@ -164,7 +164,9 @@ fn same_map(
     let file_name = map.file_name().map(|name| name.to_string_lossy());
     let lacking = ours.iter().filter(|row| {
         file_name.as_deref() == Some(row.source.as_str())
-            && theirs.binary_search_by_key(&row.element, |row| row.element).is_err()
+            && theirs
+                .binary_search_by_key(&row.element, |row| row.element)
+                .is_err()
     });
     let lacking = lacking.count();
     if count + lacking > 0 || theirs.is_empty() {

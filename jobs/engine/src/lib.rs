@@ -6,6 +6,7 @@
 
 mod base_map;
 pub mod calibrate;
+pub mod compare;
 pub mod error;
 pub mod evaluate;
 pub mod export;
