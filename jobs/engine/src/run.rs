@@ -23,7 +23,7 @@ use crate::progress::Progress;
 use crate::reduce_job::{Layer, Reduce};
 
 /// Parameter of a commit: the time that it is as of.
-const AS_OF: &str = "as_of_ns";
+pub(crate) const AS_OF: &str = "as_of_ns";
 
 /// What a run did.
 #[derive(Debug, Clone, Serialize)]
