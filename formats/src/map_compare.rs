@@ -234,7 +234,7 @@ fn difference((class, id): (Class, i64), feature: &Feature, how: How) -> Differe
 impl Feature {
     /// A node that means something by itself, and is not only a vertex.
     fn is_thing(&self) -> bool {
-        self.tags.contains_key("type")
+        self.tags.get("type").is_some_and(|kind| !kind.is_empty())
     }
 
     fn compare(&self, other: &Self, tolerance_m: f64, note: &mut impl FnMut(How)) {

@@ -39,6 +39,7 @@ fn record(element: Option<i64>, verdict: Verdict, to_m: f64) -> ChangeRecord {
         p_removed: 0.0,
         p_modified: 1.0,
         log_odds: 9.0,
+        evidence_fx: 0,
         vehicles: 9,
         passes: 9,
         exposed: 9,

@@ -6,6 +6,7 @@ mod command;
 mod compare;
 mod demo;
 mod evaluation;
+mod explanation;
 mod export;
 mod progress;
 mod reference;
