@@ -245,11 +245,16 @@ impl Feature {
         let keys: BTreeSet<&String> = self.tags.keys().chain(other.tags.keys()).collect();
         let (mut types, mut others) = (Vec::new(), Vec::new());
         for key in keys {
-            let [old, new] = [self, other].map(|side| side.tags.get(key));
+            // Some editors write empty tags where others write none.
+            let value = |side: &Self| side.tags.get(key).cloned().unwrap_or_default();
+            let [old, new] = [self, other].map(value);
             if old == new || POSITION_TAGS.contains(&key.as_str()) {
                 continue;
             }
-            let [old, new] = [old, new].map(|value| value.map_or("-", String::as_str));
+            let [old, new] = [old, new].map(|value| match value.is_empty() {
+                true => "-".to_owned(),
+                false => value,
+            });
             let said = format!("{key}: {old} -> {new}");
             match TYPE_TAGS.contains(&key.as_str()) {
                 true => types.push(said),
