@@ -9,19 +9,19 @@ use tilefold_schemas::{ChangeRecord, ElementKind, Marking, Verdict, wkb};
 
 /// Two lanes: way 10 and 11 meet in node 3; 10 is a border of lanelet 30; 12 stands alone.
 const MAP: &str = "<?xml version=\"1.0\"?>\n<osm generator=\"VMB\">\n\
-  <MetaInfo format_version=\"1\" map_version=\"5\"/>\n\
-  <node id=\"1\" version=\"4\" lat=\"49.0\" lon=\"8.4\">\n    <tag k=\"ele\" v=\"110.0\"/>\n  </node>\n\
-  <node id=\"2\" lat=\"49.0005\" lon=\"8.4\"><tag k=\"ele\" v=\"110.5\"/></node>\n\
-  <node id=\"3\" lat=\"49.001\" lon=\"8.4\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
-  <node id=\"4\" lat=\"49.002\" lon=\"8.4\"><tag k=\"ele\" v=\"112.0\"/></node>\n\
-  <node id=\"5\" lat=\"49.0\" lon=\"8.401\"><tag k=\"ele\" v=\"110.0\"/></node>\n\
-  <node id=\"6\" lat=\"49.001\" lon=\"8.401\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
-  <!-- a comment & nothing more -->\n\
-  <way id=\"10\" version=\"7\">\n    <nd ref=\"1\"/>\n    <nd ref=\"2\"/>\n    <nd ref=\"3\"/>\n    \
+  \x20 <MetaInfo format_version=\"1\" map_version=\"5\"/>\n\
+  \x20 <node id=\"1\" version=\"4\" lat=\"49.0\" lon=\"8.4\">\n    <tag k=\"ele\" v=\"110.0\"/>\n  </node>\n\
+  \x20 <node id=\"2\" lat=\"49.0005\" lon=\"8.4\"><tag k=\"ele\" v=\"110.5\"/></node>\n\
+  \x20 <node id=\"3\" lat=\"49.001\" lon=\"8.4\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
+  \x20 <node id=\"4\" lat=\"49.002\" lon=\"8.4\"><tag k=\"ele\" v=\"112.0\"/></node>\n\
+  \x20 <node id=\"5\" lat=\"49.0\" lon=\"8.401\"><tag k=\"ele\" v=\"110.0\"/></node>\n\
+  \x20 <node id=\"6\" lat=\"49.001\" lon=\"8.401\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
+  \x20 <!-- a comment & nothing more -->\n\
+  \x20 <way id=\"10\" version=\"7\">\n    <nd ref=\"1\"/>\n    <nd ref=\"2\"/>\n    <nd ref=\"3\"/>\n    \
 <tag k=\"type\" v=\"line_thin\"/>\n    <tag k=\"subtype\" v=\"dashed\"/>\n  </way>\n\
-  <way id=\"11\"><nd ref=\"3\"/><nd ref=\"4\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"subtype\" v=\"dashed\"/></way>\n\
-  <way id=\"12\"><nd ref=\"5\"/><nd ref=\"6\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"note\" v=\"a &lt;b&gt; &amp; 'c'\"/></way>\n\
-  <relation id=\"30\"><member type=\"way\" ref=\"10\" role=\"left\"/><member type=\"way\" ref=\"12\" role=\"right\"/>\
+  \x20 <way id=\"11\"><nd ref=\"3\"/><nd ref=\"4\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"subtype\" v=\"dashed\"/></way>\n\
+  \x20 <way id=\"12\"><nd ref=\"5\"/><nd ref=\"6\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"note\" v=\"a &lt;b&gt; &amp; 'c'\"/></way>\n\
+  \x20 <relation id=\"30\"><member type=\"way\" ref=\"10\" role=\"left\"/><member type=\"way\" ref=\"12\" role=\"right\"/>\
 <tag k=\"type\" v=\"lanelet\"/></relation>\n</osm>\n";
 
 fn record(element: Option<i64>, verdict: Verdict, to_m: f64) -> ChangeRecord {

@@ -20,7 +20,8 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
-    calibration, compare, demo, evaluation, explanation, export, progress, reference, simulate, table,
+    calibration, compare, demo, evaluation, explanation, export, progress, reference, simulate,
+    table,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
