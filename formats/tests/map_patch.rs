@@ -1,6 +1,8 @@
 //! Maps with changes written into them: what no change is about stays byte for byte, topology holds,
 //! and the reader finds on the new map what the changes say.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
 use std::path::{Path, PathBuf};
 
 use tilefold_formats::map;
@@ -188,7 +190,7 @@ fn a_stretch_without_paint_splits_the_paint_and_not_the_border() {
         from_m: 30.0,
         ..record(Some(10), Verdict::Removed, 80.0)
     };
-    let (new, _) = patched(MAP, &[gone.clone()]);
+    let (new, _) = patched(MAP, std::slice::from_ref(&gone));
     let map = map::read_from(new.as_bytes(), "new.osm").unwrap();
     let lines: Vec<_> = map.elements.iter().filter(|e| e.id.0 > 30).collect();
     assert_eq!(lines.len(), 2, "{new}");
@@ -234,7 +236,7 @@ fn what_is_new_lies_on_the_road_and_is_written_like_the_rest() {
         geometry_new: Some(wkb::line(&[[8.4005, 49.0, 0.0], [8.4005, 49.0009, 0.0]])),
         ..record(None, Verdict::Added, 100.0)
     };
-    let (new, _) = patched(MAP, &[added.clone()]);
+    let (new, _) = patched(MAP, std::slice::from_ref(&added));
     assert!(new.contains("  <node id=\"31\" version=\"1\" lat=\"49.0000000000\" lon=\"8.4005000000\">\n    <tag k=\"ele\" v=\"110.000\"/>\n  </node>\n"), "{new}");
     assert!(
         new.contains("<way id=\"33\" version=\"1\">\n    <nd ref=\"31\"/>\n    <nd ref=\"32\"/>\n"),
