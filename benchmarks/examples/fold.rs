@@ -178,8 +178,7 @@ fn reader(
     group: usize,
 ) -> Result<ParquetRecordBatchReader, Failure> {
     let file = File::open(&asked.file)?;
-    let builder =
-        ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata.clone());
+    let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata.clone());
     let mask = ProjectionMask::columns(builder.parquet_schema(), columns.iter().copied());
     let builder = builder.with_projection(mask).with_row_groups(vec![group]);
     Ok(builder.with_batch_size(BATCH_ROWS).build()?)
