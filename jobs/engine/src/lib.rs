@@ -13,6 +13,7 @@ pub mod init;
 pub mod logs;
 pub mod map_job;
 pub mod meter;
+pub mod notes;
 mod picture;
 pub mod progress;
 pub mod reduce_job;

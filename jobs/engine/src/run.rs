@@ -19,6 +19,7 @@ use crate::error::EngineError;
 use crate::logs::Catalogue;
 use crate::map_job::{KnownChunks, MapOutput, map_units};
 use crate::meter::{Meter, Stage, StageReport};
+use crate::notes::{self, MountingNote, Without};
 use crate::progress::Progress;
 use crate::reduce_job::{Layer, Reduce};
 
@@ -46,6 +47,10 @@ pub struct RunReport {
     pub tiles_reduced: usize,
     /// Stages with their rates.
     pub stages: Vec<StageReport>,
+    /// What poses had to do without, the most frequent first.
+    pub done_without: Vec<Without>,
+    /// How cameras are mounted, by log and topic, where detections are in pixels.
+    pub mountings: Vec<MountingNote>,
     /// Seconds from start to commit.
     pub wall_s: f64,
     /// What was set aside.
@@ -152,6 +157,8 @@ pub fn run(
         duplicate_messages: mapped.duplicates,
         tiles_reduced: 0,
         stages: Vec::new(),
+        done_without: notes::done_without(&mapped.mapped),
+        mountings: notes::mountings(&mapped.mapped),
         wall_s: 0.0,
         set_aside: sorted(catalogue.set_aside.iter().chain(&mapped.set_aside)),
     };
