@@ -122,12 +122,7 @@ impl<'a> Placed<'a> {
         let tree = FrameTree::new(&recording.static_transforms);
         let local = Trajectory::anchor(recording).expect("a fix");
         let trajectory = Trajectory::estimate(recording, &local, &tree).expect("a trajectory");
-        let map = LocalMap::around(
-            &drive.context.map,
-            &local,
-            trajectory.places(),
-            MAP_REACH_M,
-        );
+        let map = LocalMap::around(&drive.context.map, &local, trajectory.places(), MAP_REACH_M);
         let frames = SeenFrames::collect(recording, &tree).frames;
         let lag_ns = clock::estimate(&frames, &trajectory, &map).lag_ns;
         let (looks, _) = place(frames, &trajectory, lag_ns);

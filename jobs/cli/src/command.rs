@@ -21,7 +21,9 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{calibration, demo, evaluation, explanation, progress, reference, simulate, table};
+use crate::{
+    calibration, demo, evaluation, explanation, progress, reference, regions, simulate, table,
+};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -69,6 +71,11 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
+        Command::Regions {
+            store,
+            version,
+            threshold,
+        } => regions::list(args, store, *version, *threshold),
         Command::Explain { store, id, version } => {
             explanation::explain_verdict(args, store, id, *version)
         }

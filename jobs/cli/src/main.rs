@@ -8,6 +8,7 @@ mod evaluation;
 mod explanation;
 mod progress;
 mod reference;
+mod regions;
 mod report;
 mod simulate;
 mod table;

@@ -28,4 +28,5 @@ pub use meter::{Meter, Stage, StageReport};
 pub use progress::{Progress, Silent};
 pub use run::{Plan, RunOptions, RunReport, plan, run};
 pub use tilefold_reducers::FusionModel;
+pub use tilefold_reducers::regions::regions;
 pub use tilefold_workers::Registering;
