@@ -7,7 +7,10 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use tilefold_city::{CityFiles, CitySpec, Site};
-use tilefold_engine::{FusionModel, InitOptions, RunReport, Silent, init, run};
+use tilefold_engine::{
+    EngineError, Forget, FusionModel, InitOptions, RebaseReport, RetractReport, RunReport, Silent,
+    init, rebase, retract, run,
+};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting};
 use tilefold_store::{Store, StoredTable, TileFilter};
@@ -26,11 +29,20 @@ impl Trial {
     /// It cannot be made.
     #[must_use]
     pub fn new(map: &Path) -> Self {
+        Self::with_salt(map, None)
+    }
+
+    /// A new store of the map whose vehicle keys do not depend on the map.
+    ///
+    /// # Panics
+    /// It cannot be made.
+    #[must_use]
+    pub fn with_salt(map: &Path, salt: Option<[u8; 32]>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = folder.path().join("store");
         let options = InitOptions {
             tile_level: 15,
-            salt: None,
+            salt,
         };
         init(&store, &[map.to_owned()], &options).unwrap();
         Self {
@@ -45,6 +57,28 @@ impl Trial {
     /// It fails.
     pub fn run(&self, logs: &[PathBuf]) -> RunReport {
         run(&self.store, logs, FusionModel::default(), &Silent).unwrap()
+    }
+
+    /// Where the store is.
+    #[must_use]
+    pub fn store(&self) -> &Path {
+        &self.store
+    }
+
+    /// Takes evidence out.
+    ///
+    /// # Errors
+    /// As [`retract()`].
+    pub fn retract(&self, forget: &Forget) -> Result<RetractReport, EngineError> {
+        retract(&self.store, forget, &Silent)
+    }
+
+    /// Lays another map under the store.
+    ///
+    /// # Panics
+    /// It fails.
+    pub fn rebase(&self, map: &Path) -> RebaseReport {
+        rebase(&self.store, &[map.to_owned()], &Silent).unwrap()
     }
 
     /// What the latest version holds.

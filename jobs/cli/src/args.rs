@@ -163,6 +163,26 @@ pub(crate) enum Command {
         /// The store.
         store: PathBuf,
     },
+    /// Takes evidence out, as if it had never come in: folds anew what it touched, commits a version.
+    ///
+    /// What was made from it, context included, leaves with it; the report names the logs that bring
+    /// back the rest. Older versions keep it until `vacuum`.
+    Retract {
+        /// The store.
+        store: PathBuf,
+        /// What is to be forgotten.
+        #[command(flatten)]
+        what: What,
+    },
+    /// Lays a new version of the base map under the store. What is unchanged keeps its evidence, what
+    /// was edited starts anew, claims that the map now confirms are named.
+    Rebase {
+        /// The store.
+        store: PathBuf,
+        /// Map files (Lanelet2 .osm, OpenDRIVE .xodr, Argoverse 2 .json).
+        #[arg(long, required = true, num_args = 1..)]
+        map: Vec<PathBuf>,
+    },
     /// Lists the versions of a store.
     Log {
         /// The store.
@@ -250,6 +270,27 @@ pub(crate) enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+/// What `retract` takes out.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = true)]
+pub(crate) struct What {
+    /// A drive: the key of its vehicle and the second of its first frame. A wrong one lists them.
+    #[arg(long, value_name = "ID", conflicts_with_all = ["vehicle", "log", "from", "to"])]
+    pub drive: Option<String>,
+    /// A vehicle: its name in the logs, or its key in the store.
+    #[arg(long, value_name = "ID", conflicts_with_all = ["log", "from", "to"])]
+    pub vehicle: Option<String>,
+    /// A log: its file name, or its path as it was given to `run`.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["from", "to"])]
+    pub log: Option<String>,
+    /// What was captured from then on: a time like 2026-03-15T00:00:00Z.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub from: Option<i64>,
+    /// What was captured before then.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub to: Option<i64>,
 }
 
 /// What `simulate` makes.

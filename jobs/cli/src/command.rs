@@ -21,7 +21,7 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{calibration, demo, evaluation, progress, reference, simulate, table};
+use crate::{calibration, demo, evaluation, progress, rebase, reference, retract, simulate, table};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -67,6 +67,8 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             run_logs(args, store, logs, options)
         }
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
+        Command::Retract { store, what } => retract::retract_from(args, store, what),
+        Command::Rebase { store, map } => rebase::rebase_store(args, store, map),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
         Command::Verify { store, version } => verify(args, store, *version),

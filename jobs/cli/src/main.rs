@@ -6,8 +6,10 @@ mod command;
 mod demo;
 mod evaluation;
 mod progress;
+mod rebase;
 mod reference;
 mod report;
+mod retract;
 mod simulate;
 mod table;
 

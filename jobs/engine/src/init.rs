@@ -49,14 +49,7 @@ pub fn init(
     options: &InitOptions,
 ) -> Result<InitReport, EngineError> {
     let tile_level = u32::from(options.tile_level);
-    let (rows, set_aside) = base_map::read(maps, tile_level)?;
-    if rows.is_empty() {
-        let names: Vec<String> = maps.iter().map(|map| map.display().to_string()).collect();
-        return Err(EngineError::Nothing(format!(
-            "no paint in {} (line_thin, line_thick, stop_line, zebra_marking, arrow, ...): there is nothing to find changes of; give a map with markings",
-            names.join(", ")
-        )));
-    }
+    let (rows, set_aside) = base_map::read_painted(maps, tile_level)?;
     let digest = digest_rows(rows.clone())?;
     let salt = options
         .salt
