@@ -51,6 +51,27 @@ impl Trial {
         }
     }
 
+    /// A store that is there, and the folder that goes with it in the end.
+    #[must_use]
+    pub fn of(folder: TempDir, store: PathBuf) -> Self {
+        Self {
+            _folder: folder,
+            store,
+        }
+    }
+
+    /// A copy of a store, made by `copy`.
+    ///
+    /// # Panics
+    /// It cannot be made.
+    #[must_use]
+    pub fn copy_of(other: &Self, copy: impl Fn(&Path, &Path)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let store = folder.path().join("store");
+        copy(&other.store, &store);
+        Self::of(folder, store)
+    }
+
     /// Runs a job over `logs`.
     ///
     /// # Panics
@@ -184,6 +205,26 @@ pub fn small_city(into: &Path) -> CityFiles {
         drives: 7,
         drive_km: 0.6,
         days: 4,
+        ..CitySpec::default()
+    };
+    tilefold_city::write(&spec, into).unwrap()
+}
+
+/// The same, but four drives of a few chunks by three vehicles, past many changes: for tests that run
+/// hundreds of jobs.
+///
+/// # Panics
+/// It cannot be written.
+#[must_use]
+pub fn tiny_city(into: &Path) -> CityFiles {
+    let spec = CitySpec {
+        seed: 11,
+        site: Site::Drawn { km: 1.0 },
+        vehicles: 3,
+        drives: 4,
+        drive_km: 0.25,
+        days: 3,
+        change_share: 0.2,
         ..CitySpec::default()
     };
     tilefold_city::write(&spec, into).unwrap()

@@ -85,7 +85,10 @@ impl Location {
     fn folder(&self) -> Option<PathBuf> {
         match self {
             Self::Folder(path) => Some(path.clone()),
-            Self::Url(text) => Url::parse(text).ok()?.to_file_path().ok(),
+            Self::Url(text) => {
+                let url = Url::parse(text).ok().filter(|url| url.scheme() == "file");
+                url?.to_file_path().ok()
+            }
         }
     }
 

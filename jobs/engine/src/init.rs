@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tilefold_reducers::{Fold, FusionModel, SensorModel};
 use tilefold_schemas::SetAside;
-use tilefold_store::{Parameters, Store, StoreProperties, digest_rows};
+use tilefold_store::{Parameters, Store, StoreError, StoreProperties, digest_rows};
 use tilefold_tiler::map_index::MapIndex;
 
 use crate::base_map;
@@ -77,7 +77,7 @@ pub fn init(
     };
     let layers = nothing.layers(&tiles, |_| Ok(Vec::new()))?;
 
-    let store = Store::create(location.to_path_buf(), properties)?;
+    let store = create(location, properties)?;
     let mut transaction = store.begin()?;
     let report = InitReport {
         store: store.location(),
@@ -95,4 +95,16 @@ pub fn init(
     transaction.overwrite(records.into_iter().flatten().collect())?;
     let version = transaction.commit("init", Parameters::new())?;
     Ok(InitReport { version, ..report })
+}
+
+/// A store without a map: a new one, or what a killed `init` of the same map left.
+fn create(location: &Path, properties: StoreProperties) -> Result<Store, EngineError> {
+    match Store::create(location.to_path_buf(), properties.clone()) {
+        Err(exists @ StoreError::Exists { .. }) => {
+            let store = Store::open(location.to_path_buf())?;
+            let is_left = *store.properties() == properties && store.latest_version()? == 0;
+            is_left.then_some(store).ok_or(exists.into())
+        }
+        made => Ok(made?),
+    }
 }
