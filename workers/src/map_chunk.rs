@@ -52,6 +52,8 @@ pub struct Evidence {
     pub confronted: ([f64; 2], [f64; 2]),
     /// What was found out about the camera's mounting, if detections are in pixels.
     pub mounting: Option<Mounting>,
+    /// What poses had to do without, and what was done instead.
+    pub without: Vec<&'static str>,
     /// What was not used. The file is left empty: the map stage does not know files.
     pub set_aside: Vec<SetAside>,
 }
@@ -114,6 +116,7 @@ pub fn map_chunk_traced(
         ),
         mounting: refined.as_ref().map(|(_, mounting)| *mounting),
         confronted: degrees_around(&local_frame, trajectory.places(), MAP_REACH_M),
+        without: trajectory.sources.fallbacks().collect(),
         ..Evidence::default()
     };
     if looks.is_empty() {

@@ -8,8 +8,6 @@ use std::collections::BTreeSet;
 use chrono::DateTime;
 use tilefold_schemas::{ChunkId, ChunkRow, VehicleKey};
 
-use crate::update::chunk_id;
-
 /// One drive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Drive {
@@ -62,7 +60,7 @@ impl Drive {
     }
 
     fn add(&mut self, row: &ChunkRow) {
-        self.chunks.insert(chunk_id(row));
+        self.chunks.insert(row.chunk());
         self.first_ns = self.first_ns.min(row.first_ns);
         self.reached_ns = self.reached_ns.max(row.given_to_ns);
     }

@@ -9,9 +9,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{
-    ChangeRecord, ChunkId, ChunkRow, EvidenceRow, SetAside, TileId, VehicleKey,
-};
+use tilefold_schemas::{ChangeRecord, ChunkId, ChunkRow, EvidenceRow, SetAside, Testified, TileId};
 use tilefold_store::{Parameters, Snapshot, Store, TileFilter, digest_rows};
 use tilefold_tiler::map_index::MapIndex;
 
@@ -21,7 +19,7 @@ use crate::error::EngineError;
 use crate::meter::Meter;
 use crate::progress::Progress;
 use crate::succession::Succession;
-use crate::update::{Rekey, Revision, Update, chunk_id, fold_of};
+use crate::update::{Rekey, Revision, Update, fold_of};
 
 /// What a rebase did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -167,11 +165,7 @@ impl MapChange {
         let mut dropped = 0;
         let mut moved: BTreeMap<ChunkId, BTreeSet<i32>> = BTreeMap::new();
         for row in rows {
-            let chunk = ChunkId {
-                vehicle: VehicleKey(row.vehicle),
-                channel: row.channel,
-                window: row.window,
-            };
+            let chunk = Testified::chunk(&row);
             let tile = row.tile;
             match self.succession.rekeyed(row) {
                 None => dropped += 1,
@@ -182,7 +176,7 @@ impl MapChange {
             }
         }
         for row in known {
-            if let Some(more) = moved.remove(&chunk_id(row)) {
+            if let Some(more) = moved.remove(&row.chunk()) {
                 let mut tiles: BTreeSet<i32> = row
                     .tiles
                     .split(',')

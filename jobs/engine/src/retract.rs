@@ -9,7 +9,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use tilefold_reducers::{Fold, SensorModel};
-use tilefold_schemas::{ChunkId, ChunkRow, EvidenceRow, VehicleKey};
+use tilefold_schemas::{ChunkId, ChunkRow, EvidenceRow, Ledger, VehicleKey};
 use tilefold_store::{Parameters, Snapshot, Store, TileFilter, Transaction};
 use tilefold_tiler::map_index::MapIndex;
 
@@ -18,7 +18,7 @@ use crate::drives::drives;
 use crate::error::EngineError;
 use crate::meter::Meter;
 use crate::progress::Progress;
-use crate::update::{Revision, Update, chunk_id, fold_of, read_elements};
+use crate::update::{Revision, Update, fold_of, read_elements};
 
 /// At most this many names are listed in an error.
 const LISTED: usize = 20;
@@ -103,7 +103,7 @@ pub fn retract(
 /// The chunks that were made from something that is to be forgotten.
 fn select(known: &[ChunkRow], forget: &Forget, salt: &[u8; 32]) -> BTreeSet<ChunkId> {
     let rows = |is_one: &dyn Fn(&&ChunkRow) -> bool| -> BTreeSet<ChunkId> {
-        known.iter().filter(is_one).map(chunk_id).collect()
+        known.iter().filter(is_one).map(ChunkRow::chunk).collect()
     };
     match forget {
         Forget::Drive(id) => {
@@ -134,7 +134,7 @@ fn is_named(log: &str, name: &str) -> bool {
 }
 
 fn describe(known: &[ChunkRow], gone: &BTreeSet<ChunkId>, forget: &Forget) -> RetractReport {
-    let leaves = |row: &&ChunkRow| gone.contains(&chunk_id(row));
+    let leaves = |row: &&ChunkRow| gone.contains(&row.chunk());
     let leaving = || known.iter().filter(leaves);
     let drives = drives(known).into_iter();
     let touched = drives.filter(|drive| !drive.chunks.is_disjoint(gone));
@@ -173,15 +173,9 @@ fn fold_without(
     if fold.sensor == SensorModel::default() {
         return Ok(fold);
     }
-    let mut rows: Vec<EvidenceRow> = snapshot.read(TileFilter::All)?;
-    rows.retain(|row| {
-        !gone.contains(&ChunkId {
-            vehicle: VehicleKey(row.vehicle),
-            channel: row.channel,
-            window: row.window,
-        })
-    });
-    let sensor = calibrate::fit_to(map.elements(), &rows);
+    let rows: Vec<EvidenceRow> = snapshot.read(TileFilter::All)?;
+    let ledger = Ledger::of(rows).subtract(gone);
+    let sensor = calibrate::fit_to(map.elements(), ledger.rows());
     transaction.overwrite(sensor.to_rows())?;
     Ok(Fold { sensor, ..fold })
 }

@@ -17,9 +17,11 @@ use crate::error::EngineError;
 use crate::logs::Catalogue;
 use crate::map_job::{Known, KnownChunks, Mapped, map_units};
 use crate::meter::{Meter, StageReport};
+use crate::notes::{self, MountingNote, Without};
 use crate::progress::Progress;
-use crate::update::{Revision, Update, chunk_id};
+use crate::update::{Revision, Update};
 
+pub(crate) use crate::update::AS_OF;
 pub use crate::update::read_elements;
 
 /// How often what was mapped is folded onto a version that another writer made meanwhile.
@@ -46,6 +48,10 @@ pub struct RunReport {
     pub tiles_reduced: usize,
     /// Stages with their rates.
     pub stages: Vec<StageReport>,
+    /// What poses had to do without, the most frequent first.
+    pub done_without: Vec<Without>,
+    /// How cameras are mounted, by log and topic, where detections are in pixels.
+    pub mountings: Vec<MountingNote>,
     /// Seconds from start to commit.
     pub wall_s: f64,
     /// What was set aside.
@@ -154,6 +160,8 @@ pub fn run(
         duplicate_messages: mapped.duplicates,
         tiles_reduced: 0,
         stages: Vec::new(),
+        done_without: notes::done_without(&mapped.mapped),
+        mountings: notes::mountings(&mapped.mapped),
         wall_s: 0.0,
         set_aside: sorted(catalogue.set_aside.iter().chain(&mapped.set_aside)),
     };
@@ -239,7 +247,7 @@ impl Folding<'_> {
 /// Drops what another writer brought as well.
 fn keep_better(mapped: &mut Vec<Mapped>, known: &KnownChunks) {
     mapped.retain(|chunk| {
-        let known = known.get(&chunk_id(&chunk.row));
+        let known = known.get(&chunk.row.chunk());
         known.is_none_or(|known| known.gives_way_to(chunk.row.digest, chunk.row.messages))
     });
 }
@@ -263,6 +271,6 @@ fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
 }
 
 fn known_chunks(rows: &[ChunkRow]) -> KnownChunks {
-    let known = rows.iter().map(|row| (chunk_id(row), Known::of(row)));
+    let known = rows.iter().map(|row| (row.chunk(), Known::of(row)));
     known.collect()
 }

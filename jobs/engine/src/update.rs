@@ -5,9 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tilefold_reducers::{Fold, FusionModel};
 use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{
-    ChunkId, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting, TileId, VehicleKey,
-};
+use tilefold_schemas::{ChunkId, ChunkRow, EvidenceRow, LayerHeader, Ledger, Testified, TileId};
 use tilefold_store::{Parameters, Snapshot, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
@@ -20,7 +18,7 @@ use crate::progress::Progress;
 use crate::reduce_job::{Layer, Reduce};
 
 /// Parameter of a commit: the time that it is as of.
-const AS_OF: &str = "as_of_ns";
+pub(crate) const AS_OF: &str = "as_of_ns";
 /// Parameter of a commit: the fusion model.
 const FUSION_MODEL: &str = "fusion_model";
 
@@ -60,42 +58,10 @@ pub(crate) fn fold_of(snapshot: &Snapshot) -> Result<Fold, EngineError> {
     })
 }
 
-pub(crate) fn chunk_id(row: &ChunkRow) -> ChunkId {
-    ChunkId {
-        vehicle: VehicleKey(row.vehicle),
-        channel: row.channel,
-        window: row.window,
-    }
-}
-
 fn tiles_of(row: &ChunkRow) -> impl Iterator<Item = TileId> + '_ {
     let tiles = row.tiles.split(',').filter_map(|tile| tile.parse().ok());
     tiles.map(TileId)
 }
-
-/// A row that says which chunk testified it.
-trait Testified: StoredTable {
-    fn chunk(&self) -> ChunkId;
-    fn tile(&self) -> TileId;
-}
-
-macro_rules! testified {
-    ($($row:ty),+) => { $(
-        impl Testified for $row {
-            fn chunk(&self) -> ChunkId {
-                ChunkId {
-                    vehicle: VehicleKey(self.vehicle),
-                    channel: self.channel,
-                    window: self.window,
-                }
-            }
-            fn tile(&self) -> TileId {
-                TileId(self.tile)
-            }
-        }
-    )+ };
-}
-testified!(EvidenceRow, Sighting, Footprint);
 
 /// What becomes of ledger rows when the base map changes.
 pub(crate) trait Rekey: Sync {
@@ -153,11 +119,11 @@ impl Update<'_> {
             sightings.extend(mapped.evidence.sightings);
             footprints.extend(mapped.evidence.footprints);
         }
-        let mut leaving: BTreeSet<ChunkId> = chunks.iter().map(chunk_id).collect();
+        let mut leaving: BTreeSet<ChunkId> = chunks.iter().map(ChunkRow::chunk).collect();
         leaving.extend(revision.gone);
         let (replaced, kept): (Vec<ChunkRow>, Vec<ChunkRow>) = known
             .into_iter()
-            .partition(|row| leaving.contains(&chunk_id(row)));
+            .partition(|row| leaving.contains(&row.chunk()));
         let mut touched: BTreeSet<TileId> =
             chunks.iter().chain(&replaced).flat_map(tiles_of).collect();
         touched.extend(revision.also);
@@ -240,42 +206,41 @@ impl Update<'_> {
 
     /// Replaces what the touched tiles hold of the chunks that leave, and takes every other row through
     /// `keep`; returns all their rows.
-    fn exchange<R: Testified + Clone>(
+    fn exchange<R: Testified + StoredTable>(
         &self,
         transaction: &mut Transaction,
         exchange: &Exchange<'_>,
         rows: Vec<R>,
         keep: impl Fn(R) -> Option<R>,
-    ) -> Result<Vec<R>, EngineError> {
+    ) -> Result<Ledger<R>, EngineError> {
         let count = rows.len() as u64;
         let touched = exchange.touched;
-        let rows = self.meter.time(Stage::Exchange, || {
-            let stored: Vec<R> = transaction.base().read(TileFilter::Tiles(touched))?;
-            let stays =
-                |row: &R| !exchange.leaving.contains(&row.chunk()) && touched.contains(&row.tile());
-            let mut all: Vec<R> = stored.into_iter().filter(stays).filter_map(keep).collect();
-            all.extend(rows);
-            transaction.replace_tiles(touched, all.clone())?;
-            Ok::<_, EngineError>(all)
+        let ledger = self.meter.time(Stage::Exchange, || {
+            let known = Ledger::of(transaction.base().read(TileFilter::Tiles(touched))?);
+            let stays = known.subtract(exchange.leaving).into_rows().into_iter();
+            let stays = Ledger::of(stays.filter_map(keep).collect());
+            let ledger = stays.merge(Ledger::of(rows));
+            transaction.replace_tiles(touched, ledger.rows().to_vec())?;
+            Ok::<_, EngineError>(ledger)
         })?;
         self.meter.count(Stage::Exchange, count, 0);
         self.progress.advance(Stage::Exchange, 1, 0);
-        Ok(rows)
+        Ok(ledger)
     }
 
     /// All rows of a table as they will be, and those that leave it.
-    fn all<R: Testified>(
+    fn all<R: Testified + StoredTable>(
         &self,
         base: &Snapshot,
         leaving: &BTreeSet<ChunkId>,
         rows: Vec<R>,
     ) -> Result<(Vec<R>, Vec<R>), EngineError> {
         let stored: Vec<R> = base.read(TileFilter::All)?;
-        let (vanished, mut all): (Vec<R>, Vec<R>) = stored
+        let (vanished, stays): (Vec<R>, Vec<R>) = stored
             .into_iter()
             .partition(|row| leaving.contains(&row.chunk()));
-        all.extend(rows);
-        Ok((all, vanished))
+        let all = Ledger::of(stays).merge(Ledger::of(rows));
+        Ok((all.into_rows(), vanished))
     }
 
     /// Tiles with new evidence, with additions, or with another model's layer.
@@ -325,19 +290,15 @@ impl Update<'_> {
         base: &Snapshot,
         tiles: &BTreeSet<TileId>,
         touched: &BTreeSet<TileId>,
-        at_hand: &[EvidenceRow],
-    ) -> Result<Vec<EvidenceRow>, EngineError> {
-        let of_tiles = at_hand
-            .iter()
-            .filter(|row| tiles.contains(&TileId(row.tile)));
-        let mut rows: Vec<EvidenceRow> = of_tiles.cloned().collect();
+        at_hand: &Ledger<EvidenceRow>,
+    ) -> Result<Ledger<EvidenceRow>, EngineError> {
+        let at_hand = at_hand.clone().within(tiles);
         let others: BTreeSet<TileId> = tiles.difference(touched).copied().collect();
-        if !others.is_empty() {
-            let stored: Vec<EvidenceRow> = base.read(TileFilter::Tiles(&others))?;
-            let of_others = |row: &EvidenceRow| others.contains(&TileId(row.tile));
-            rows.extend(stored.into_iter().filter(of_others));
+        if others.is_empty() {
+            return Ok(at_hand);
         }
-        Ok(rows)
+        let stored = Ledger::of(base.read(TileFilter::Tiles(&others))?);
+        Ok(at_hand.merge(stored))
     }
 }
 
