@@ -6,6 +6,8 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 use tilefold_engine::{FusionModel, Registering};
 
+use crate::at::{At, at};
+
 /// Finds where an HD map no longer matches the road, from the camera and GNSS logs of ordinary
 /// vehicles.
 ///
@@ -183,6 +185,21 @@ pub(crate) enum Command {
         #[arg(long, required = true, num_args = 1..)]
         map: Vec<PathBuf>,
     },
+    /// Removes the data files of versions that were replaced long ago, and of jobs that were killed.
+    /// The latest version always stays.
+    Vacuum {
+        /// The store.
+        store: PathBuf,
+        /// Versions that were current in the last so many days stay readable.
+        #[arg(long, value_name = "DAYS", default_value_t = 30)]
+        retain_days: u32,
+        /// Files written in the last so many hours stay: a job may be about to commit them.
+        #[arg(long, value_name = "HOURS", default_value_t = 24)]
+        grace_hours: u32,
+        /// Only tells what would be removed.
+        #[arg(long)]
+        dry_run: bool,
+    },
     /// Lists the versions of a store.
     Log {
         /// The store.
@@ -192,9 +209,9 @@ pub(crate) enum Command {
     Show {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
     },
     /// Says why a version says what it says of a change or an element: what every pass adds, what
     /// would flip the verdict, and the frames to look at.
@@ -203,25 +220,25 @@ pub(crate) enum Command {
         store: PathBuf,
         /// A change (16 hexadecimal digits), or an element of the map by its id.
         id: String,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
     },
     /// Recomputes the digests of a version and compares them with what was committed.
     Verify {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
     },
     /// Writes the changes of a version, to standard output if no file is named. `--format geojson`.
     Export {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
         /// File to write.
         #[arg(long, short)]
         out: Option<PathBuf>,
@@ -239,9 +256,9 @@ pub(crate) enum Command {
         /// GeoJSON of the true changes. Without it nothing has changed (a control).
         #[arg(long)]
         truth: Option<PathBuf>,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
         /// Fusion model; the other one is shown beside it. The evidence is folded anew where the
         /// version was not made with it; nothing is written.
         #[arg(long, value_enum, default_value_t)]

@@ -1,6 +1,7 @@
 //! The command line: flags in, reports out. It owns no algorithm.
 
 mod args;
+mod at;
 mod calibration;
 mod command;
 mod demo;
@@ -13,6 +14,7 @@ mod report;
 mod retract;
 mod simulate;
 mod table;
+mod vacuum;
 
 use std::process::ExitCode;
 

@@ -47,7 +47,7 @@ fn words(report: &RebaseReport) -> String {
             let verdict = claim.verdict.to_owned();
             vec![
                 verdict,
-                claim.change.to_string(),
+                format!("{:016x}", claim.change),
                 id(claim.element),
                 id(claim.now),
             ]

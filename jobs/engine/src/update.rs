@@ -108,7 +108,8 @@ impl Update<'_> {
         known: Vec<ChunkRow>,
         revision: Revision<'_>,
     ) -> Result<(i64, usize), EngineError> {
-        if revision.is_empty() && !self.changes_model(transaction.base())? {
+        let headers: Vec<LayerHeader> = transaction.base().read(TileFilter::All)?;
+        if revision.is_empty() && !self.changes_model(transaction.base(), &headers) {
             return Ok((transaction.base().version(), 0));
         }
         let (mut chunks, mut rows, mut sightings, mut footprints) =
@@ -157,10 +158,10 @@ impl Update<'_> {
             meter: self.meter,
             progress: self.progress,
         };
-        let mut tiles = self.dirty_tiles(&base, &touched)?;
+        let mut tiles = self.dirty_tiles(&base, &headers, &touched);
         tiles.extend(reduce.tiles_beside(&vanished));
         let layers = reduce.layers(&tiles, |tiles| self.rows_of(&base, tiles, &touched, &rows))?;
-        let layers = self.changed(&base, layers, &tiles_of_chunks)?;
+        let layers = changed(headers, layers, &tiles_of_chunks);
         let count = layers.len();
         let mut parameters = self.parameters();
         parameters.extend(revision.parameters);
@@ -191,12 +192,8 @@ impl Update<'_> {
     }
 
     /// Whether layers were made with another model than the one asked for, or as of another time.
-    fn changes_model(&self, base: &Snapshot) -> Result<bool, EngineError> {
-        if self.is_as_of_other_time(base) {
-            return Ok(true);
-        }
-        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        Ok(headers.iter().any(|header| self.is_other_model(header)))
+    fn changes_model(&self, base: &Snapshot, headers: &[LayerHeader]) -> bool {
+        self.is_as_of_other_time(base) || headers.iter().any(|header| self.is_other_model(header))
     }
 
     fn is_other_model(&self, header: &LayerHeader) -> bool {
@@ -247,41 +244,15 @@ impl Update<'_> {
     fn dirty_tiles(
         &self,
         base: &Snapshot,
+        headers: &[LayerHeader],
         touched: &BTreeSet<TileId>,
-    ) -> Result<BTreeSet<TileId>, EngineError> {
-        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
+    ) -> BTreeSet<TileId> {
         let is_as_of_other_time = self.is_as_of_other_time(base);
         let others = headers
             .iter()
             .filter(|header| header.added > 0 || is_as_of_other_time || self.is_other_model(header))
             .map(|header| TileId(header.tile));
-        Ok(touched.iter().copied().chain(others).collect())
-    }
-
-    /// The layers that are not in the store as they are. A tile without records in which no chunk has
-    /// anything has no layer, whatever was there before.
-    fn changed(
-        &self,
-        base: &Snapshot,
-        layers: Vec<Layer>,
-        tiles_of_chunks: &BTreeSet<TileId>,
-    ) -> Result<BTreeMap<TileId, Option<Layer>>, EngineError> {
-        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        let mut known: BTreeMap<i32, LayerHeader> = headers
-            .into_iter()
-            .map(|header| (header.tile, header))
-            .collect();
-        let mut changed = BTreeMap::new();
-        for layer in layers {
-            let tile = TileId(layer.header.tile);
-            let before = known.remove(&tile.0);
-            let stays = !layer.records.is_empty() || tiles_of_chunks.contains(&tile);
-            let layer = stays.then_some(layer);
-            if before.as_ref() != layer.as_ref().map(|layer| &layer.header) {
-                changed.insert(tile, layer);
-            }
-        }
-        Ok(changed)
+        touched.iter().copied().chain(others).collect()
     }
 
     /// Ledger rows of tiles: those at hand of touched ones, and the store's of others.
@@ -300,6 +271,28 @@ impl Update<'_> {
         let stored = Ledger::of(base.read(TileFilter::Tiles(&others))?);
         Ok(at_hand.merge(stored))
     }
+}
+
+/// The layers that are not in the store as they are. A tile without records in which no chunk has
+/// anything has no layer, whatever was there before.
+fn changed(
+    headers: Vec<LayerHeader>,
+    layers: Vec<Layer>,
+    tiles_of_chunks: &BTreeSet<TileId>,
+) -> BTreeMap<TileId, Option<Layer>> {
+    let with_tile = |header: LayerHeader| (header.tile, header);
+    let mut known: BTreeMap<i32, LayerHeader> = headers.into_iter().map(with_tile).collect();
+    let mut changed = BTreeMap::new();
+    for layer in layers {
+        let tile = TileId(layer.header.tile);
+        let before = known.remove(&tile.0);
+        let stays = !layer.records.is_empty() || tiles_of_chunks.contains(&tile);
+        let layer = stays.then_some(layer);
+        if before.as_ref() != layer.as_ref().map(|layer| &layer.header) {
+            changed.insert(tile, layer);
+        }
+    }
+    changed
 }
 
 /// Which tiles' rows are exchanged, and whose leave them.
