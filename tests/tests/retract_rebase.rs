@@ -43,7 +43,7 @@ fn a_drive_that_was_taken_out_was_never_there() {
         let log = log.unwrap().log.clone();
         let trial = after(&CITY.before_map, &CITY.logs);
         let report = trial.retract(&Forget::Drive(drive.id.clone())).unwrap();
-        assert_eq!(report.drives, [drive.id.clone()]);
+        assert_eq!(report.drives, std::slice::from_ref(&drive.id));
         assert!(report.run_again.is_empty() && report.tiles_reduced > 0);
         let others: Vec<PathBuf> = CITY
             .logs

@@ -14,6 +14,12 @@ fn job(store: &Store, seed: u64) -> i64 {
     tx.commit("run", parameters()).unwrap()
 }
 
+fn three_jobs(store: &Store) {
+    for seed in 1..=3 {
+        job(store, seed);
+    }
+}
+
 /// Everything that is not needed for versions since then, however young.
 fn since(since_ms: i64) -> Retention {
     Retention {
@@ -30,7 +36,7 @@ fn read(store: &Store, version: i64) -> Result<Vec<EvidenceRow>, StoreError> {
 #[test]
 fn the_latest_version_stays_and_older_ones_are_refused_by_name() {
     let (_folder, store) = store();
-    (1..=3).for_each(|seed| drop(job(&store, seed)));
+    three_jobs(&store);
     let latest = read(&store, 3).unwrap();
     let done = store.vacuum(&since(i64::MAX)).unwrap();
     assert_eq!((done.oldest_version, done.files), (3, 4));
@@ -53,7 +59,7 @@ fn the_latest_version_stays_and_older_ones_are_refused_by_name() {
 #[test]
 fn versions_that_were_current_since_then_stay() {
     let (_folder, store) = store();
-    (1..=3).for_each(|seed| drop(job(&store, seed)));
+    three_jobs(&store);
     let versions = store.versions().unwrap();
     let done = store.vacuum(&since(versions[2].timestamp_ms)).unwrap();
     // Version 1 was replaced at that very instant: it was current until then.
@@ -64,7 +70,7 @@ fn versions_that_were_current_since_then_stay() {
 #[test]
 fn a_dry_one_and_a_careful_one_remove_nothing() {
     let (_folder, store) = store();
-    (1..=3).for_each(|seed| drop(job(&store, seed)));
+    three_jobs(&store);
     let dry = Retention {
         is_dry: true,
         ..since(i64::MAX)
