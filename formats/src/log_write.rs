@@ -23,6 +23,8 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, WriteOptions, Writer};
 use tilefold_schemas::log::Payload;
 
+pub(crate) use self::protobuf::{message, timestamp};
+
 /// Bytes of messages after which a chunk is closed: about ten seconds of a drive.
 const CHUNK_BYTES: u64 = 512 << 10;
 
@@ -123,12 +125,12 @@ struct Channel {
 }
 
 /// A message in its encoding, and what a reader has to know to decode it.
-struct Encoded {
-    schema: &'static str,
-    schema_encoding: &'static str,
-    schema_data: Cow<'static, [u8]>,
-    message_encoding: &'static str,
-    bytes: Vec<u8>,
+pub(crate) struct Encoded {
+    pub(crate) schema: &'static str,
+    pub(crate) schema_encoding: &'static str,
+    pub(crate) schema_data: Cow<'static, [u8]>,
+    pub(crate) message_encoding: &'static str,
+    pub(crate) bytes: Vec<u8>,
 }
 
 impl<W: Write + Seek> LogWriter<W> {

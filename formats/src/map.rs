@@ -39,6 +39,7 @@ use tilefold_schemas::{Element, SetAside};
 use document::Document;
 
 pub use error::MapError;
+pub(crate) use paint::marking as marking_of;
 pub use roads::{Border, BorderKind, BorderWay, Crossing, Lanelet, Roads};
 
 /// What a map file was written in.

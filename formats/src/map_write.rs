@@ -145,7 +145,7 @@ fn is_area(kind: ElementKind) -> bool {
 }
 
 /// `text` inside of single quotes; what XML 1.0 cannot hold at all becomes a replacement character.
-fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
         match character {

@@ -4,10 +4,12 @@
 use std::fmt::Write as _;
 use std::io::Write;
 
-use serde_json::{Map, Value};
-use tilefold_schemas::{ChangeRecord, ElementKind, Verdict, wkb};
+use tilefold_schemas::ChangeRecord;
+use tilefold_schemas::wkb::Geometry;
 
 use super::GeoJsonError;
+use crate::export::attributes::{ATTRIBUTES, Value, values};
+use crate::export::change::Change;
 
 /// Writes `records` in their order as a `FeatureCollection`.
 ///
@@ -30,72 +32,36 @@ pub fn write_changes(records: &[ChangeRecord], out: &mut impl Write) -> Result<(
 }
 
 fn feature(record: &ChangeRecord) -> Result<String, GeoJsonError> {
-    let unknown = |field, code| GeoJsonError::Code {
-        change: record.change,
-        field,
-        code,
-    };
-    let verdict =
-        Verdict::from_code(record.verdict).ok_or_else(|| unknown("verdict", record.verdict))?;
-    let kind = ElementKind::from_code(record.kind).ok_or_else(|| unknown("kind", record.kind))?;
-    let geometry = geometry(record, verdict)?;
-    let properties = Value::Object(properties(record, verdict, kind));
+    let change = Change::of(record)?;
+    let properties = properties(&change);
+    let geometry = geometry(change.geometry);
     Ok(format!(
         "{{\"type\":\"Feature\",\"id\":\"{:016x}\",\"properties\":{properties},\"geometry\":{geometry}}}",
         record.change
     ))
 }
 
-fn properties(record: &ChangeRecord, verdict: Verdict, kind: ElementKind) -> Map<String, Value> {
-    let change = format!("{:016x}", record.change);
-    let time = |stamp_ns: Option<i64>| stamp_ns.map(utc);
-    let rows: [(&str, Value); 22] = [
-        ("element_id", record.element.into()),
-        ("change_type", verdict.name().into()),
-        ("kind", kind.name().into()),
-        ("from_m", record.from_m.into()),
-        ("to_m", record.to_m.into()),
-        ("p_no_change", record.p_no_change.into()),
-        ("p_added", record.p_added.into()),
-        ("p_removed", record.p_removed.into()),
-        ("p_modified", record.p_modified.into()),
-        ("vehicles", record.vehicles.into()),
-        ("passes", record.passes.into()),
-        ("exposed", record.exposed.into()),
-        ("hit", record.hit.into()),
-        ("first_seen", utc(record.first_ns).into()),
-        ("last_seen", utc(record.last_ns).into()),
-        ("changed_after", time(record.changed_after_ns).into()),
-        ("changed_before", time(record.changed_before_ns).into()),
-        ("shift_m", record.shift_m.into()),
-        ("shift_sigma_m", record.shift_sigma_m.into()),
-        ("tile", record.tile.into()),
-        ("change", change.into()),
-        ("fusion_model", record.fusion_model.as_str().into()),
-    ];
-    rows.into_iter()
-        .map(|(key, value)| (key.to_owned(), value))
+fn properties(change: &Change<'_>) -> serde_json::Value {
+    let cells = ATTRIBUTES.iter().zip(values(change));
+    cells
+        .map(|((name, _), value)| ((*name).to_owned(), json(value)))
         .collect()
 }
 
-fn geometry(record: &ChangeRecord, verdict: Verdict) -> Result<String, GeoJsonError> {
-    let [old, new] = [
-        record.geometry_old.as_deref(),
-        record.geometry_new.as_deref(),
-    ];
-    let is_on_the_road = matches!(verdict, Verdict::Added | Verdict::Modified);
-    let bytes = if is_on_the_road {
-        new.or(old)
-    } else {
-        old.or(new)
+fn json(value: Value<'_>) -> serde_json::Value {
+    match value {
+        Value::None => serde_json::Value::Null,
+        Value::Text(text) => text.into(),
+        Value::Integer(number) => number.into(),
+        Value::Real(number) => number.into(),
+        Value::Time(stamp_ns) => utc(stamp_ns).into(),
+    }
+}
+
+fn geometry(geometry: Option<Geometry>) -> String {
+    let Some(geometry) = geometry else {
+        return "null".to_owned();
     };
-    let Some(bytes) = bytes else {
-        return Ok("null".to_owned());
-    };
-    let geometry = wkb::read(bytes).map_err(|source| GeoJsonError::Geometry {
-        change: record.change,
-        source,
-    })?;
     let mut text = String::new();
     if geometry.is_area {
         text.push_str("{\"type\":\"Polygon\",\"coordinates\":[");
@@ -106,12 +72,12 @@ fn geometry(record: &ChangeRecord, verdict: Verdict) -> Result<String, GeoJsonEr
         push_positions(&mut text, &geometry.points);
         text.push('}');
     }
-    Ok(text)
+    text
 }
 
 /// Counter-clockwise from above (RFC 7946, section 3.1.6), with the first vertex repeated. The first
 /// vertex stays first.
-pub(super) fn closed_ring(mut ring: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+pub(crate) fn closed_ring(mut ring: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
     if doubled_area(&ring) < 0.0
         && let Some((_, rest)) = ring.split_first_mut()
     {
@@ -154,7 +120,7 @@ fn rounded(degrees: f64) -> f64 {
 }
 
 /// Nanoseconds since the Unix epoch as `2026-11-22T10:15:00.123Z`.
-pub(super) fn utc(stamp_ns: i64) -> String {
+pub(crate) fn utc(stamp_ns: i64) -> String {
     let milliseconds = stamp_ns.div_euclid(1_000_000);
     let (day, in_day) = (
         milliseconds.div_euclid(86_400_000),

@@ -33,7 +33,7 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
 }
 
 /// A Foxglove message with its schema.
-pub(super) fn message<M: Encode>(
+pub(crate) fn message<M: Encode>(
     schema: &'static str,
     message: &M,
 ) -> Result<Encoded, LogWriteError> {
@@ -53,7 +53,7 @@ pub(super) fn message<M: Encode>(
 }
 
 /// A header stamp.
-pub(super) fn timestamp(stamp_ns: i64) -> Result<fox::Timestamp, LogWriteError> {
+pub(crate) fn timestamp(stamp_ns: i64) -> Result<fox::Timestamp, LogWriteError> {
     let (sec, nanosec) = seconds(stamp_ns)?;
     Ok(fox::Timestamp::new(sec.unsigned_abs(), nanosec))
 }

@@ -98,7 +98,7 @@ fn ground_sign(sign: SignClass) -> Paint {
 }
 
 /// Older Lanelet2 maps say `straight` for `solid`.
-fn marking(subtype: &str) -> Marking {
+pub(crate) fn marking(subtype: &str) -> Marking {
     match subtype {
         "" | "unknown" => Marking::Unknown,
         "solid" | "straight" => Marking::Solid,

@@ -12,7 +12,7 @@ use crate::at::{At, at};
 /// vehicles.
 ///
 /// Exit codes: 0 done; 1 failed, nothing has changed, safe to run again; 2 usage; 3 done, but
-/// something was set aside (listed by name, file, offset and reason); 4 verify differs.
+/// something was set aside (listed by name, file, offset and reason); 4 verify or compare differs.
 #[derive(Debug, Parser)]
 #[command(name = "tilefold", version, max_term_width = 100)]
 pub(crate) struct Args {
@@ -35,15 +35,25 @@ impl Args {
     /// command. Usage errors end the process with their exit code.
     pub(crate) fn parse_checked() -> Self {
         let args = Self::parse();
-        let draws = matches!(
-            args.command,
-            Command::Export { .. } | Command::Regions { .. }
-        );
-        if args.format == Format::Geojson && !draws {
-            let why = "--format geojson is for `export` and `regions`; this command prints `text` or `json`";
+        let is_drawn = match args.format {
+            Format::Geojson => matches!(
+                args.command,
+                Command::Export { .. } | Command::Regions { .. }
+            ),
+            format if format.is_for_export() => matches!(args.command, Command::Export { .. }),
+            _ => true,
+        };
+        if !is_drawn {
+            let name = args.format.to_possible_value();
+            let name = name.as_ref().map_or("", |value| value.get_name());
+            let why =
+                format!("--format {name} is for `export`; this command prints `text` or `json`");
             Self::command()
                 .error(ErrorKind::ArgumentConflict, why)
                 .exit();
+        }
+        if let Command::Export(export) = &args.command {
+            export.check(args.format);
         }
         args
     }
@@ -57,8 +67,30 @@ pub(crate) enum Format {
     Text,
     /// One JSON value.
     Json,
-    /// RFC 7946 (`export` and `regions`).
+    /// RFC 7946 (`export` and `regions`; all forms below: `export` only).
     Geojson,
+    /// A Parquet table with geometry, version 1.1.
+    Geoparquet,
+    /// FlatGeobuf with its spatial index.
+    Flatgeobuf,
+    /// Vector tiles in one file: the changes over the map.
+    Pmtiles,
+    /// A scene of the changes over the map, in Foxglove's messages.
+    Mcap,
+    /// The map with the changes in it; takes `--map`.
+    Lanelet2,
+    /// The changes of the map as an OsmChange; takes `--map`.
+    Osc,
+}
+
+impl Format {
+    fn is_for_export(self) -> bool {
+        !matches!(self, Self::Text | Self::Json)
+    }
+
+    fn is_map(self) -> bool {
+        matches!(self, Self::Lanelet2 | Self::Osc)
+    }
 }
 
 /// Form of progress.
@@ -248,23 +280,12 @@ pub(crate) enum Command {
         #[arg(long, visible_alias = "as-of", value_parser = at)]
         version: Option<At>,
     },
-    /// Writes the changes of a version, to standard output if no file is named. `--format geojson`.
-    Export {
-        /// The store.
-        store: PathBuf,
-        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
-        #[arg(long, visible_alias = "as-of", value_parser = at)]
-        version: Option<At>,
-        /// File to write.
-        #[arg(long, short)]
-        out: Option<PathBuf>,
-        /// Least posterior of what is written.
-        #[arg(long, default_value_t = 0.5)]
-        threshold: f64,
-        /// Also what did not change and what is unknown.
-        #[arg(long)]
-        all: bool,
-    },
+    /// Shows what differs between two maps, by geometry and not only by id, or between two versions of
+    /// a store. Exit code 4 where something does.
+    Compare(Compare),
+    /// Writes the changes of a version, to standard output if no file is named; `--format` says in
+    /// which form (GeoJSON if it says none).
+    Export(Export),
     /// Scores a version against known changes.
     Evaluate {
         /// The store.
@@ -335,6 +356,66 @@ pub(crate) struct What {
     /// What was captured before then.
     #[arg(long, value_name = "TIME", value_parser = time)]
     pub to: Option<i64>,
+}
+
+/// What `compare` compares.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Compare {
+    /// A map; or a store, whose versions are compared.
+    pub a: PathBuf,
+    /// The other map.
+    pub b: Option<PathBuf>,
+    /// Of maps: what lies within this many metres is in the same place.
+    #[arg(long, default_value_t = 0.01)]
+    pub tolerance_m: f64,
+    /// Of a store: the first version, by number or as of a time; the one before the second if not given.
+    #[arg(long, conflicts_with = "b", value_parser = at)]
+    pub from: Option<At>,
+    /// Of a store: the second version, by number or as of a time; the latest if not given.
+    #[arg(long, conflicts_with = "b", value_parser = at)]
+    pub to: Option<At>,
+}
+
+/// What `export` writes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Export {
+    /// The store.
+    pub store: PathBuf,
+    /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+    #[arg(long, visible_alias = "as-of", value_parser = at)]
+    pub version: Option<At>,
+    /// File to write.
+    #[arg(long, short, visible_alias = "output")]
+    pub out: Option<PathBuf>,
+    /// For `lanelet2` and `osc`: the map file that the store was made from (`init --map`).
+    #[arg(long)]
+    pub map: Option<PathBuf>,
+    /// Least posterior of what is written. If not given: 0.5 for what is looked at, and 0.85, as in
+    /// `evaluate`, for what goes into a map.
+    #[arg(long)]
+    pub threshold: Option<f64>,
+    /// Least number of vehicles that looked at what is written. If not given: 0 for what is looked
+    /// at, and 5, as in `evaluate`, for what goes into a map.
+    #[arg(long)]
+    pub min_vehicles: Option<i32>,
+    /// Also what did not change and what is unknown; not for maps.
+    #[arg(long)]
+    pub all: bool,
+}
+
+impl Export {
+    /// Ends the process where the options do not go together.
+    fn check(&self, format: Format) {
+        let why = match (format.is_map(), &self.map, self.all) {
+            (true, None, _) => "this form needs the map that the store was made from: --map FILE",
+            (true, _, true) => "--all is not for maps: only changes go into one",
+            (false, Some(_), _) => "--map is for `--format lanelet2` and `--format osc`",
+            _ => return,
+        };
+        Args::command()
+            .error(ErrorKind::ArgumentConflict, why)
+            .exit();
+    }
 }
 
 /// What `simulate` makes.

@@ -1,8 +1,6 @@
 //! One function a command: it calls the engine and prints what came of it.
 
 use std::error::Error;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use clap::CommandFactory;
@@ -11,11 +9,11 @@ use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, over
 use tilefold_engine::{
     Criteria, FusionModel, InitOptions, Meter, RunOptions, evaluate, init, plan, run,
 };
-use tilefold_formats::geojson::{read_changes_file, write_changes};
+use tilefold_formats::geojson::read_changes_file;
 use tilefold_formats::matching_truth::MatchingTruth;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
-    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, SensorRow, Sighting, Verdict,
+    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, SensorRow, Sighting,
 };
 use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, digest_rows};
 
@@ -23,8 +21,8 @@ use crate::args::{Args, Command};
 use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
-    calibration, demo, evaluation, explanation, progress, rebase, reference, regions, retract,
-    simulate, table, vacuum,
+    calibration, compare, demo, evaluation, explanation, export, progress, rebase, reference,
+    regions, retract, simulate, table, vacuum,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -90,13 +88,8 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             explanation::explain_verdict(args, store, id, *version)
         }
         Command::Verify { store, version } => verify(args, store, *version),
-        Command::Export {
-            store,
-            version,
-            out,
-            threshold,
-            all,
-        } => export(store, *version, out.as_deref(), *threshold, *all),
+        Command::Compare(asked) => compare::compare(args, asked),
+        Command::Export(asked) => export::export(args, asked),
         Command::Evaluate {
             store,
             truth,
@@ -394,34 +387,6 @@ fn layers_fit(snapshot: &Snapshot) -> Result<bool> {
         eprintln!("tile {tile} has change records but no layer header");
     }
     Ok(ok)
-}
-
-fn export(
-    store: &Path,
-    version: Option<At>,
-    out: Option<&Path>,
-    threshold: f64,
-    all: bool,
-) -> Result<Outcome> {
-    let mut records: Vec<ChangeRecord> = open(store, version)?.read(TileFilter::All)?;
-    let posterior =
-        |record: &ChangeRecord| record.p_added.max(record.p_removed).max(record.p_modified);
-    records.retain(|record| {
-        let is_change = Verdict::from_code(record.verdict).is_some_and(Verdict::is_change);
-        all || (is_change && posterior(record) >= threshold)
-    });
-    match out {
-        Some(path) => {
-            let file = File::create(path)
-                .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
-            let mut writer = BufWriter::new(file);
-            write_changes(&records, &mut writer)?;
-            writer.flush()?;
-            eprintln!("wrote {} features to {}", records.len(), path.display());
-        }
-        None => write_changes(&records, &mut std::io::stdout().lock())?,
-    }
-    Ok(Outcome::Done)
 }
 
 /// What `evaluate` is asked to score.

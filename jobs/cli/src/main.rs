@@ -4,9 +4,11 @@ mod args;
 mod at;
 mod calibration;
 mod command;
+mod compare;
 mod demo;
 mod evaluation;
 mod explanation;
+mod export;
 mod progress;
 mod rebase;
 mod reference;
@@ -24,7 +26,7 @@ use crate::report::Outcome;
 
 /// Done, but something was set aside.
 const EXIT_SET_ASIDE: u8 = 3;
-/// Verify differs.
+/// Verify or compare differs.
 const EXIT_DIFFERS: u8 = 4;
 
 fn main() -> ExitCode {

@@ -20,7 +20,7 @@ once, under `tilefold`.
 | 1 | failed; nothing has changed, and it is safe to run again |
 | 2 | usage: the command was not understood |
 | 3 | done, but something was set aside; it is listed by file, topic and reason on standard error |
-| 4 | `verify` found a difference |
+| 4 | `verify` or `compare` found a difference |
 ";
 /// Options of all commands, listed once.
 const COMMON: [&str; 3] = ["format", "progress", "threads"];

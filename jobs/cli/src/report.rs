@@ -43,7 +43,7 @@ pub(crate) fn print<T: Serialize>(
 ) -> Result<(), Box<dyn Error>> {
     let text = match args.format {
         Format::Json => serde_json::to_string_pretty(value)?,
-        Format::Text | Format::Geojson => words(value),
+        _ => words(value),
     };
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", text.trim_end())?;

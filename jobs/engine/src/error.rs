@@ -16,6 +16,28 @@ pub enum EngineError {
     /// A truth file could not be read.
     #[error(transparent)]
     GeoJson(#[from] tilefold_formats::geojson::GeoJsonError),
+    /// An export could not be written.
+    #[error(transparent)]
+    Export(#[from] tilefold_formats::export::ExportError),
+    /// A map cannot be patched.
+    #[error(transparent)]
+    Patch(#[from] tilefold_formats::map_patch::PatchError),
+    /// A map that is not the one the changes were found on.
+    #[error(
+        "{map} is not the map of version {version} of the store: {differ} of its elements are not in the store, or differ{}, and {lacking} of the store's are not in it; give the file of `tilefold init --map` or `rebase --map`", first.map_or(String::new(), |id| format!(" (the first is {id})"))
+    )]
+    OtherMap {
+        /// The map.
+        map: String,
+        /// The version.
+        version: i64,
+        /// Elements of the map that the store does not have like this.
+        differ: usize,
+        /// Elements of the store from a file of this name that the map lacks.
+        lacking: usize,
+        /// The first element that differs.
+        first: Option<i64>,
+    },
     /// A row of the store is not what it should be.
     #[error(
         "the store holds a {what} that cannot be read: {reason}; run `tilefold verify` and restore the file it names"

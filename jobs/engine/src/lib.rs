@@ -7,10 +7,12 @@
 mod accepted;
 mod base_map;
 pub mod calibrate;
+pub mod compare;
 pub mod drives;
 pub mod error;
 pub mod evaluate;
 pub mod explain;
+pub mod export;
 pub mod init;
 pub mod logs;
 pub mod map_job;

@@ -6,4 +6,5 @@ mod commands;
 mod damage;
 mod errors;
 mod explain;
+mod exports;
 mod support;

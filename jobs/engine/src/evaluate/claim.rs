@@ -41,8 +41,7 @@ impl<'a> Claim<'a> {
             Verdict::Modified => record.p_modified,
             _ => return None,
         };
-        let counts = record.vehicles >= criteria.min_vehicles && posterior >= criteria.threshold;
-        counts.then_some(Self {
+        criteria.admit(record).then_some(Self {
             record,
             verdict,
             posterior,

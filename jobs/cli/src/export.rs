@@ -1,0 +1,122 @@
+//! `export`: a version's changes in the form that another program reads.
+
+use std::error::Error;
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal, Write};
+use std::path::Path;
+
+use tilefold_engine::Criteria;
+use tilefold_engine::export::{Amendment, Choice, View, chosen, write_amended, write_view};
+use tilefold_schemas::ChangeRecord;
+use tilefold_store::Snapshot;
+
+use crate::args::{Args, Export, Format};
+use crate::at::open;
+use crate::report::{Outcome, print_set_aside};
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// What is shown where nothing is asked for.
+const SHOWN: Criteria = Criteria {
+    threshold: 0.5,
+    min_vehicles: 0,
+};
+
+/// Writes what is asked for.
+///
+/// # Errors
+/// The store cannot be read, or the file not be written.
+pub(crate) fn export(args: &Args, asked: &Export) -> Result<Outcome> {
+    let snapshot = open(&asked.store, asked.version)?;
+    let amendment = match args.format {
+        Format::Lanelet2 => Some(Amendment::Lanelet2),
+        Format::Osc => Some(Amendment::Osc),
+        _ => None,
+    };
+    let usual = match amendment {
+        Some(_) => Criteria::default(),
+        None => SHOWN,
+    };
+    let criteria = Criteria {
+        threshold: asked.threshold.unwrap_or(usual.threshold),
+        min_vehicles: asked.min_vehicles.unwrap_or(usual.min_vehicles),
+    };
+    let choice = match asked.all {
+        true => Choice::All,
+        false => Choice::Claims(criteria),
+    };
+    let records = chosen(&snapshot, choice)?;
+    match (amendment, &asked.map) {
+        (Some(form), Some(map)) => amend(&snapshot, records, map, form, asked.out.as_deref()),
+        _ => show(&snapshot, &records, view(args.format), asked),
+    }
+}
+
+fn amend(
+    snapshot: &Snapshot,
+    records: Vec<ChangeRecord>,
+    map: &Path,
+    form: Amendment,
+    out: Option<&Path>,
+) -> Result<Outcome> {
+    let amended = match out {
+        Some(path) => to_file(path, |out| {
+            Ok(write_amended(snapshot, records, map, form, out)?)
+        })?,
+        None => write_amended(snapshot, records, map, form, &mut std::io::stdout().lock())?,
+    };
+    eprintln!("{} changes are in it", amended.applied);
+    if amended.elsewhere > 0 {
+        eprintln!("{} are about other maps of the store", amended.elsewhere);
+    }
+    print_set_aside(&amended.set_aside);
+    Ok(match amended.set_aside.is_empty() {
+        true => Outcome::Done,
+        false => Outcome::SetAside,
+    })
+}
+
+fn view(format: Format) -> View {
+    match format {
+        Format::Geoparquet => View::GeoParquet,
+        Format::Flatgeobuf => View::FlatGeobuf,
+        Format::Pmtiles => View::PmTiles,
+        Format::Mcap => View::Scene,
+        _ => View::GeoJson,
+    }
+}
+
+fn show(
+    snapshot: &Snapshot,
+    records: &[ChangeRecord],
+    view: View,
+    asked: &Export,
+) -> Result<Outcome> {
+    let without = match asked.out.as_deref() {
+        Some(path) => to_file(path, |out| Ok(write_view(snapshot, records, view, out)?))?,
+        None => {
+            let mut out = std::io::stdout();
+            if view != View::GeoJson && out.is_terminal() {
+                return Err("this form is no text: name a file with --out".into());
+            }
+            write_view(snapshot, records, view, &mut out)?
+        }
+    };
+    if let Some(path) = &asked.out {
+        let written = records.len() - without;
+        eprintln!("wrote {written} features to {}", path.display());
+    }
+    if without > 0 {
+        eprintln!("{without} records without a geometry have no place in this form");
+    }
+    Ok(Outcome::Done)
+}
+
+fn to_file<T>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<T>) -> Result<T> {
+    let file =
+        File::create(path).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+    let mut writer = BufWriter::new(file);
+    let written = write(&mut writer)?;
+    writer.flush()?;
+    Ok(written)
+}
