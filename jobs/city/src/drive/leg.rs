@@ -5,22 +5,26 @@
 
 use tilefold_formats::log_write::Dialect;
 use tilefold_schemas::log::{
-    DetectionFrame, DetectionSpace, FramePose, GnssFix, Imu, Payload, Quaternion,
+    DetectionFrame, DetectionSpace, FramePose, GnssFix, Imu, Odometry, Payload, Quaternion,
+    Transform,
 };
 use tilefold_tiler::geodesy::LocalFrame;
 
 use super::{DETECTIONS_TOPIC, Drive, MS, Match, stream};
 use crate::course::{Course, Motion};
 use crate::detector::{Detector, Lots};
-use crate::inertial::Inertial;
+use crate::inertial::{Inertial, Wheels};
 use crate::mounting::clock_offset_s;
 use crate::noise::Noise;
-use crate::pictures::{CAMERA_FRAME, Mounted, Pictures};
+use crate::odometer::{Odometer, about_up};
+use crate::pictures::{CAMERA_FRAME, Mounted, Pictures, VEHICLE_FRAME};
 use crate::random::Random;
 use crate::receiver::Receiver;
 use crate::spec::LogProfile;
 use crate::traffic::Traffic;
 
+/// Where odometry begins; drifts (REP 105).
+const ODOMETRY_FRAME: &str = "odom";
 /// Pictures per second, and how many there are for each message about the camera.
 const PICTURES_HZ: f64 = 5.0;
 const CALIBRATION_EVERY: usize = 5;
@@ -37,6 +41,7 @@ struct Clock {
 impl Clock {
     const GNSS_PHASE_NS: i64 = 35 * MS;
     const HEADING_PHASE_NS: i64 = 10 * MS;
+    const WHEEL_PHASE_NS: i64 = 20 * MS;
     const CAMERA_PHASE_NS: i64 = 500 * MS;
 
     fn new(rate_hz: f64, phase_ns: i64, latency_ns: i64) -> Self {
@@ -113,6 +118,7 @@ impl<'a> Leg<'a> {
     pub(super) fn records(&self, dialect: Dialect, matches: &mut Vec<Match>) -> Vec<Record> {
         let mut records = self.fixes();
         records.extend(self.headings(dialect));
+        records.extend(self.odometry());
         match self.drive.city.spec.profile {
             LogProfile::Detections => records.extend(self.frames(matches)),
             LogProfile::Camera => records.extend(self.camera()),
@@ -212,7 +218,7 @@ impl<'a> Leg<'a> {
                 });
                 let payload = last.take().filter(|_| error.is_repeated).unwrap_or(fix);
                 last = Some(payload.clone());
-                record("/gnss/fix", "base_link", stamp_ns, clock, payload)
+                record("/gnss/fix", VEHICLE_FRAME, stamp_ns, clock, payload)
             })
             .collect()
     }
@@ -230,13 +236,39 @@ impl<'a> Leg<'a> {
                 let (topic, frame_id, payload) = match dialect {
                     Dialect::Ros2 => {
                         let imu = imu(orientation, yaw_variance_rad2, rate_rad_s);
-                        ("/imu", "base_link", imu)
+                        ("/imu", VEHICLE_FRAME, imu)
                     }
                     Dialect::Foxglove => ("/heading", "enu", pose(orientation)),
                 };
                 record(topic, frame_id, stamp_ns, clock, payload)
             })
             .collect()
+    }
+
+    /// What the wheels say, if they say anything; where a log has a tree of frames, also as its
+    /// root: `odom` -> `base_link`.
+    fn odometry(&self) -> Vec<Record> {
+        let noise = &self.noise.wheel;
+        if noise.rate_hz == 0.0 {
+            return Vec::new();
+        }
+        let clock = Clock::new(noise.rate_hz, Clock::WHEEL_PHASE_NS, 5 * MS);
+        let Drive { city, .. } = self.drive;
+        let mut vehicle = Random::new(city.spec.seed, "wheels of a vehicle", self.drive.vehicle());
+        let wheels = Wheels::draw(noise, &mut vehicle, self.random("wheels"));
+        let gyro = Inertial::draw(&self.noise.imu, self.random("gyro beside the wheels"));
+        let mut odometer = Odometer::new(wheels, gyro);
+        let mut records = Vec::new();
+        for (stamp_ns, seconds) in self.ticks(clock) {
+            let measured = odometer.measure(self.course, seconds, clock.period_s());
+            if city.spec.profile == LogProfile::Camera {
+                let said = vehicle_in_odometry(&measured);
+                records.push(record("/tf", ODOMETRY_FRAME, stamp_ns, clock, said));
+            }
+            let said = Payload::Odometry(measured);
+            records.push(record("/odom", ODOMETRY_FRAME, stamp_ns, clock, said));
+        }
+        records
     }
 
     fn frames(&self, matches: &mut Vec<Match>) -> Vec<Record> {
@@ -265,7 +297,7 @@ impl<'a> Leg<'a> {
             });
             frames.push(record(
                 DETECTIONS_TOPIC,
-                "base_link",
+                VEHICLE_FRAME,
                 stamp_ns,
                 clock,
                 payload,
@@ -307,15 +339,21 @@ fn imu(orientation: Quaternion, yaw_variance_rad2: f64, yaw_rate_rad_s: f64) -> 
     })
 }
 
+fn vehicle_in_odometry(odometry: &Odometry) -> Payload {
+    Payload::Transforms {
+        transforms: vec![Transform {
+            parent_frame: ODOMETRY_FRAME.to_owned(),
+            child_frame: VEHICLE_FRAME.to_owned(),
+            translation_m: odometry.pose.position_m,
+            rotation: odometry.pose.orientation,
+        }],
+        is_static: false,
+    }
+}
+
 fn pose(orientation: Quaternion) -> Payload {
     Payload::Pose(FramePose {
         position_m: [0.0; 3],
         orientation,
     })
-}
-
-/// A turn to the left about the up axis.
-fn about_up(yaw_rad: f64) -> Quaternion {
-    let (sin, cos) = (yaw_rad / 2.0).sin_cos();
-    [0.0, 0.0, sin, cos]
 }
