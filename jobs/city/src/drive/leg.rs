@@ -10,6 +10,7 @@ use tilefold_schemas::log::{
 };
 use tilefold_tiler::geodesy::LocalFrame;
 
+use super::in_order::{InOrder, Sensor};
 use super::{DETECTIONS_TOPIC, Drive, MS, Match, stream};
 use crate::course::{Course, Motion};
 use crate::detector::{Detector, Lots};
@@ -114,17 +115,17 @@ impl<'a> Leg<'a> {
         self.drive.random(&stream(name, self.number))
     }
 
-    /// All messages in the order in which they were recorded.
-    pub(super) fn records(&self, dialect: Dialect, matches: &mut Vec<Match>) -> Vec<Record> {
-        let mut records = self.fixes();
-        records.extend(self.headings(dialect));
-        records.extend(self.odometry());
-        match self.drive.city.spec.profile {
-            LogProfile::Detections => records.extend(self.frames(matches)),
-            LogProfile::Camera => records.extend(self.camera()),
-        }
-        records.sort_by_key(|record| (record.log_time_ns, record.topic));
-        records
+    /// All messages in the order in which they were recorded, made as they are asked for.
+    pub(super) fn records<'b>(
+        &'b self,
+        dialect: Dialect,
+        matches: &'b mut Vec<Match>,
+    ) -> InOrder<'b> {
+        let seen = match self.drive.city.spec.profile {
+            LogProfile::Detections => self.frames(matches),
+            LogProfile::Camera => self.camera(),
+        };
+        InOrder::new([self.fixes(), self.headings(dialect), self.odometry(), seen])
     }
 
     /// The camera at work, if logs hold pictures.
@@ -143,32 +144,18 @@ impl<'a> Leg<'a> {
     }
 
     /// Pictures to be taken, and what is said of the camera.
-    fn camera(&self) -> Vec<Record> {
+    fn camera(&self) -> Sensor<'_> {
         let clock = Clock::new(PICTURES_HZ, Clock::CAMERA_PHASE_NS, 45 * MS);
         let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
-        let mut records = Vec::new();
-        for (index, (stamp_ns, seconds)) in self.ticks(clock).enumerate() {
-            if index == 0 && self.number == 0 {
-                let transform = self.mounted.transform();
-                records.push(record(
-                    "/tf_static",
-                    CAMERA_FRAME,
-                    stamp_ns,
-                    clock,
-                    transform,
-                ));
-            }
-            if index % CALIBRATION_EVERY == 0 {
+        let of_camera =
+            move |topic, stamp_ns, said| record(topic, CAMERA_FRAME, stamp_ns, clock, said);
+        let ticks = self.ticks(clock).enumerate();
+        Box::new(ticks.flat_map(move |(index, (stamp_ns, seconds))| {
+            let calibration = (index % CALIBRATION_EVERY == 0).then(|| {
                 let said = self.mounted.calibration();
-                records.push(record(
-                    "/camera/camera_info",
-                    CAMERA_FRAME,
-                    stamp_ns,
-                    clock,
-                    said,
-                ));
-            }
-            records.push(Record {
+                of_camera("/camera/camera_info", stamp_ns, said)
+            });
+            let picture = Record {
                 topic: "/camera/image/compressed",
                 frame_id: CAMERA_FRAME,
                 stamp_ns,
@@ -176,9 +163,12 @@ impl<'a> Leg<'a> {
                 content: Content::Picture {
                     seconds: seconds - late_s,
                 },
-            });
-        }
-        records
+            };
+            let is_first = index == 0 && self.number == 0;
+            let mounting =
+                is_first.then(|| of_camera("/tf_static", stamp_ns, self.mounted.transform()));
+            calibration.into_iter().chain([picture]).chain(mounting)
+        }))
     }
 
     /// Stamps of a sensor with the seconds since the leg's begin.
@@ -192,65 +182,61 @@ impl<'a> Leg<'a> {
             .map(move |since_ns| (start_ns + since_ns, since_ns as f64 * 1e-9))
     }
 
-    fn fixes(&self) -> Vec<Record> {
+    fn fixes(&self) -> Sensor<'_> {
         let clock = Clock::new(self.noise.gnss.rate_hz, Clock::GNSS_PHASE_NS, 60 * MS);
         let mut receiver = Receiver::draw(&self.noise.gnss, self.random("position"));
         let city = self.drive.city;
         let mut last = None;
-        self.ticks(clock)
-            .map(|(stamp_ns, seconds)| {
-                let here = self.course.motion(seconds).place;
-                let closeness = city.ground.closeness([here.east_m, here.north_m]);
-                let error = receiver.next_fix(clock.period_s(), closeness);
-                let motion = self.course.motion(seconds - error.delay_s);
-                let [east_m, north_m, up_m] = error.error_m;
-                let [longitude_deg, latitude_deg, altitude_m] = city.world.on_earth([
-                    motion.place.east_m + east_m,
-                    motion.place.north_m + north_m,
-                    motion.up_m + up_m,
-                ]);
-                let fix = Payload::Gnss(GnssFix {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_m,
-                    covariance_enu_m2: Some(receiver.claimed_covariance_m2()),
-                    has_fix: error.has_fix,
-                });
-                let payload = last.take().filter(|_| error.is_repeated).unwrap_or(fix);
-                last = Some(payload.clone());
-                record("/gnss/fix", VEHICLE_FRAME, stamp_ns, clock, payload)
-            })
-            .collect()
+        Box::new(self.ticks(clock).map(move |(stamp_ns, seconds)| {
+            let here = self.course.motion(seconds).place;
+            let closeness = city.ground.closeness([here.east_m, here.north_m]);
+            let error = receiver.next_fix(clock.period_s(), closeness);
+            let motion = self.course.motion(seconds - error.delay_s);
+            let [east_m, north_m, up_m] = error.error_m;
+            let [longitude_deg, latitude_deg, altitude_m] = city.world.on_earth([
+                motion.place.east_m + east_m,
+                motion.place.north_m + north_m,
+                motion.up_m + up_m,
+            ]);
+            let fix = Payload::Gnss(GnssFix {
+                latitude_deg,
+                longitude_deg,
+                altitude_m,
+                covariance_enu_m2: Some(receiver.claimed_covariance_m2()),
+                has_fix: error.has_fix,
+            });
+            let payload = last.take().filter(|_| error.is_repeated).unwrap_or(fix);
+            last = Some(payload.clone());
+            record("/gnss/fix", VEHICLE_FRAME, stamp_ns, clock, payload)
+        }))
     }
 
-    fn headings(&self, dialect: Dialect) -> Vec<Record> {
+    fn headings(&self, dialect: Dialect) -> Sensor<'_> {
         let clock = Clock::new(self.noise.imu.rate_hz, Clock::HEADING_PHASE_NS, 3 * MS);
         let mut inertial = Inertial::draw(&self.noise.imu, self.random("heading"));
         let yaw_variance_rad2 = self.noise.imu.claimed_yaw_deg.to_radians().powi(2);
-        self.ticks(clock)
-            .map(|(stamp_ns, seconds)| {
-                let motion = self.course.motion(seconds);
-                let yaw_rad = self.true_yaw_rad(&motion) + inertial.yaw_error_rad(clock.period_s());
-                let rate_rad_s = motion.yaw_rate_rad_s + inertial.yaw_rate_error_rad_s();
-                let orientation = about_up(yaw_rad);
-                let (topic, frame_id, payload) = match dialect {
-                    Dialect::Ros2 => {
-                        let imu = imu(orientation, yaw_variance_rad2, rate_rad_s);
-                        ("/imu", VEHICLE_FRAME, imu)
-                    }
-                    Dialect::Foxglove => ("/heading", "enu", pose(orientation)),
-                };
-                record(topic, frame_id, stamp_ns, clock, payload)
-            })
-            .collect()
+        Box::new(self.ticks(clock).map(move |(stamp_ns, seconds)| {
+            let motion = self.course.motion(seconds);
+            let yaw_rad = self.true_yaw_rad(&motion) + inertial.yaw_error_rad(clock.period_s());
+            let rate_rad_s = motion.yaw_rate_rad_s + inertial.yaw_rate_error_rad_s();
+            let orientation = about_up(yaw_rad);
+            let (topic, frame_id, payload) = match dialect {
+                Dialect::Ros2 => {
+                    let imu = imu(orientation, yaw_variance_rad2, rate_rad_s);
+                    ("/imu", VEHICLE_FRAME, imu)
+                }
+                Dialect::Foxglove => ("/heading", "enu", pose(orientation)),
+            };
+            record(topic, frame_id, stamp_ns, clock, payload)
+        }))
     }
 
     /// What the wheels say, if they say anything; where a log has a tree of frames, also as its
     /// root: `odom` -> `base_link`.
-    fn odometry(&self) -> Vec<Record> {
+    fn odometry(&self) -> Sensor<'_> {
         let noise = &self.noise.wheel;
         if noise.rate_hz == 0.0 {
-            return Vec::new();
+            return Box::new(std::iter::empty());
         }
         let clock = Clock::new(noise.rate_hz, Clock::WHEEL_PHASE_NS, 5 * MS);
         let Drive { city, .. } = self.drive;
@@ -258,20 +244,18 @@ impl<'a> Leg<'a> {
         let wheels = Wheels::draw(noise, &mut vehicle, self.random("wheels"));
         let gyro = Inertial::draw(&self.noise.imu, self.random("gyro beside the wheels"));
         let mut odometer = Odometer::new(wheels, gyro);
-        let mut records = Vec::new();
-        for (stamp_ns, seconds) in self.ticks(clock) {
+        let has_tree = city.spec.profile == LogProfile::Camera;
+        Box::new(self.ticks(clock).flat_map(move |(stamp_ns, seconds)| {
             let measured = odometer.measure(self.course, seconds, clock.period_s());
-            if city.spec.profile == LogProfile::Camera {
-                let said = vehicle_in_odometry(&measured);
-                records.push(record("/tf", ODOMETRY_FRAME, stamp_ns, clock, said));
-            }
-            let said = Payload::Odometry(measured);
-            records.push(record("/odom", ODOMETRY_FRAME, stamp_ns, clock, said));
-        }
-        records
+            let said = |topic, said| record(topic, ODOMETRY_FRAME, stamp_ns, clock, said);
+            let in_tree = has_tree.then(|| said("/tf", vehicle_in_odometry(&measured)));
+            [said("/odom", Payload::Odometry(measured))]
+                .into_iter()
+                .chain(in_tree)
+        }))
     }
 
-    fn frames(&self, matches: &mut Vec<Match>) -> Vec<Record> {
+    fn frames<'b>(&'b self, matches: &'b mut Vec<Match>) -> Sensor<'b> {
         let rate_hz = self.noise.detector.view.rate_hz;
         let clock = Clock::new(rate_hz, Clock::CAMERA_PHASE_NS, 45 * MS);
         let Drive { city, .. } = self.drive;
@@ -281,29 +265,23 @@ impl<'a> Leg<'a> {
         };
         let mut detector = Detector::new(city, self.noise, self.course, lots);
         let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
-        let mut frames = Vec::new();
-        for (stamp_ns, seconds) in self.ticks(clock) {
+        Box::new(self.ticks(clock).map(move |(stamp_ns, seconds)| {
             let motion = self.course.motion(seconds - late_s);
             let around = self.traffic.at(seconds - late_s);
             let seen = detector.look(&motion, &around, stamp_ns, clock.period_s());
-            matches.extend(seen.iter().enumerate().map(|(detection, seen)| Match {
-                stamp_ns,
-                detection,
-                element: seen.element,
-            }));
+            if city.spec.matching_truth {
+                matches.extend(seen.iter().enumerate().map(|(detection, seen)| Match {
+                    stamp_ns,
+                    detection,
+                    element: seen.element,
+                }));
+            }
             let payload = Payload::Detections(DetectionFrame {
                 space: DetectionSpace::Metres,
                 detections: seen.into_iter().map(|seen| seen.detection).collect(),
             });
-            frames.push(record(
-                DETECTIONS_TOPIC,
-                VEHICLE_FRAME,
-                stamp_ns,
-                clock,
-                payload,
-            ));
-        }
-        frames
+            record(DETECTIONS_TOPIC, VEHICLE_FRAME, stamp_ns, clock, payload)
+        }))
     }
 
     /// A yaw of the city's plane as one against true north where the vehicle is.
