@@ -17,6 +17,7 @@ table! {
     /// What one chunk of one vehicle's drive says about one section of one element.
     ///
     /// Fixed-point fields (`*_fx`) are in units of 2^-24; see [`crate::fixed`].
+    #[derive(Eq, PartialOrd, Ord)]
     pub struct EvidenceRow in "evidence" {
         /// Owner tile of the element.
         pub tile: i32,
@@ -85,6 +86,7 @@ table! {
 
 table! {
     /// Paint that no map element explains, as one chunk saw it.
+    #[derive(Eq, PartialOrd, Ord)]
     pub struct Sighting in "sightings" {
         /// Tile of its first vertex.
         pub tile: i32,
@@ -125,6 +127,7 @@ table! {
 
 table! {
     /// Where one chunk looked, sampled along the trajectory: what confronts candidates.
+    #[derive(Eq, PartialOrd, Ord)]
     pub struct Footprint in "footprints" {
         /// Tile of the registered vehicle position.
         pub tile: i32,

@@ -50,6 +50,8 @@ pub struct Evidence {
     pub frames: u64,
     /// What was found out about the camera's mounting, if detections are in pixels.
     pub mounting: Option<Mounting>,
+    /// What poses had to do without, and what was done instead.
+    pub without: Vec<&'static str>,
     /// What was not used. The file is left empty: the map stage does not know files.
     pub set_aside: Vec<SetAside>,
 }
@@ -111,6 +113,7 @@ pub fn map_chunk_traced(
             (&without_place_ns, &no_place),
         ),
         mounting: refined.as_ref().map(|(_, mounting)| *mounting),
+        without: trajectory.sources.fallbacks().collect(),
         ..Evidence::default()
     };
     if looks.is_empty() {

@@ -176,6 +176,17 @@ pub(crate) enum Command {
         #[arg(long)]
         version: Option<i64>,
     },
+    /// Says why a version says what it says of a change or an element: what every pass adds, what
+    /// would flip the verdict, and the frames to look at.
+    Explain {
+        /// The store.
+        store: PathBuf,
+        /// A change (16 hexadecimal digits), or an element of the map by its id.
+        id: String,
+        /// Version; the latest if not given.
+        #[arg(long)]
+        version: Option<i64>,
+    },
     /// Recomputes the digests of a version and compares them with what was committed.
     Verify {
         /// The store.

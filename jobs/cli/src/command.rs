@@ -21,7 +21,7 @@ use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, diges
 
 use crate::args::{Args, Command};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{calibration, demo, evaluation, progress, reference, simulate, table};
+use crate::{calibration, demo, evaluation, explanation, progress, reference, simulate, table};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -69,6 +69,9 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
+        Command::Explain { store, id, version } => {
+            explanation::explain_verdict(args, store, id, *version)
+        }
         Command::Verify { store, version } => verify(args, store, *version),
         Command::Export {
             store,
@@ -231,6 +234,7 @@ struct TileLine {
     removed: i32,
     modified: i32,
     unknown: i32,
+    stale: i32,
     digest: String,
 }
 
@@ -258,6 +262,7 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
                 removed: header.removed,
                 modified: header.modified,
                 unknown: header.unknown,
+                stale: header.stale,
                 digest: header.digest,
             })
             .collect(),
@@ -271,6 +276,7 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
                 "removed",
                 "modified",
                 "unknown",
+                "stale",
                 "digest",
             ],
             summary.tiles.iter().map(|tile| {
@@ -281,6 +287,7 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
                     tile.removed,
                     tile.modified,
                     tile.unknown,
+                    tile.stale,
                 ];
                 let mut row: Vec<String> = counts.iter().map(i32::to_string).collect();
                 row.push(tile.digest.chars().take(12).collect());

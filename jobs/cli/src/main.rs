@@ -5,6 +5,7 @@ mod calibration;
 mod command;
 mod demo;
 mod evaluation;
+mod explanation;
 mod progress;
 mod reference;
 mod report;

@@ -178,14 +178,34 @@ fn fitted(sensor: &SensorModel) -> Vec<Fitted> {
     all
 }
 
+/// Why a vehicle is believed less than its fleet; none if it is not.
+#[must_use]
+pub fn believed_less(vehicle: &VehicleModel) -> Option<String> {
+    let mut reasons = Vec::new();
+    if vehicle.detection < POOR_DETECTION {
+        reasons.push(format!(
+            "sees {:.2} of what its fleet sees",
+            vehicle.detection
+        ));
+    }
+    if vehicle.absent > POOR_ABSENT {
+        reasons.push(format!(
+            "matches what is gone in {:.2} of its frames",
+            vehicle.absent
+        ));
+    }
+    if vehicle.sigma > POOR_SIGMA {
+        reasons.push(format!(
+            "places things {:.1} times worse than its fleet",
+            vehicle.sigma
+        ));
+    }
+    (!reasons.is_empty()).then(|| reasons.join(", "))
+}
+
 fn outstanding(sensor: &SensorModel) -> Vec<Outstanding> {
-    let is_poor = |vehicle: &VehicleModel| {
-        vehicle.detection < POOR_DETECTION
-            || vehicle.sigma > POOR_SIGMA
-            || vehicle.absent > POOR_ABSENT
-    };
     let all = sensor.vehicles.iter();
-    all.filter(|(_, vehicle)| is_poor(vehicle))
+    all.filter(|(_, vehicle)| believed_less(vehicle).is_some())
         .map(|(&key, vehicle)| Outstanding {
             vehicle: key,
             detection: vehicle.detection,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use tilefold_reducers::{Fold, FusionModel, SensorModel};
-use tilefold_schemas::SetAside;
+use tilefold_schemas::{Ledger, SetAside};
 use tilefold_store::{Parameters, Store, StoreProperties, digest_rows};
 use tilefold_tiler::map_index::MapIndex;
 
@@ -82,7 +82,7 @@ pub fn init(
         meter: &Meter::default(),
         progress: &Silent,
     };
-    let layers = nothing.layers(&tiles, |_| Ok(Vec::new()))?;
+    let layers = nothing.layers(&tiles, |_| Ok(Ledger::default()))?;
 
     let store = Store::create(location.to_path_buf(), properties)?;
     let mut transaction = store.begin()?;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use tilefold_reducers::{Fold, FusionModel};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
-    ChunkId, ChunkRow, EvidenceRow, Footprint, LayerHeader, SetAside, Sighting, TileId, VehicleKey,
+    ChunkId, ChunkRow, EvidenceRow, LayerHeader, Ledger, SetAside, Testified, TileId,
 };
 use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
@@ -19,11 +19,12 @@ use crate::error::EngineError;
 use crate::logs::Catalogue;
 use crate::map_job::{KnownChunks, MapOutput, map_units};
 use crate::meter::{Meter, Stage, StageReport};
+use crate::notes::{self, MountingNote, Without};
 use crate::progress::Progress;
 use crate::reduce_job::{Layer, Reduce};
 
 /// Parameter of a commit: the time that it is as of.
-const AS_OF: &str = "as_of_ns";
+pub(crate) const AS_OF: &str = "as_of_ns";
 
 /// What a run did.
 #[derive(Debug, Clone, Serialize)]
@@ -46,6 +47,10 @@ pub struct RunReport {
     pub tiles_reduced: usize,
     /// Stages with their rates.
     pub stages: Vec<StageReport>,
+    /// What poses had to do without, the most frequent first.
+    pub done_without: Vec<Without>,
+    /// How cameras are mounted, by log and topic, where detections are in pixels.
+    pub mountings: Vec<MountingNote>,
     /// Seconds from start to commit.
     pub wall_s: f64,
     /// What was set aside.
@@ -152,6 +157,8 @@ pub fn run(
         duplicate_messages: mapped.duplicates,
         tiles_reduced: 0,
         stages: Vec::new(),
+        done_without: notes::done_without(&mapped.mapped),
+        mountings: notes::mountings(&mapped.mapped),
         wall_s: 0.0,
         set_aside: sorted(catalogue.set_aside.iter().chain(&mapped.set_aside)),
     };
@@ -210,46 +217,14 @@ pub fn read_elements(
 fn known_chunks(rows: &[ChunkRow]) -> KnownChunks {
     let known = rows
         .iter()
-        .map(|row| (chunk_id(row), (row.digest, row.messages)));
+        .map(|row| (row.chunk(), (row.digest, row.messages)));
     known.collect()
-}
-
-fn chunk_id(row: &ChunkRow) -> ChunkId {
-    ChunkId {
-        vehicle: VehicleKey(row.vehicle),
-        channel: row.channel,
-        window: row.window,
-    }
 }
 
 fn tiles_of(row: &ChunkRow) -> impl Iterator<Item = TileId> + '_ {
     let tiles = row.tiles.split(',').filter_map(|tile| tile.parse().ok());
     tiles.map(TileId)
 }
-
-/// A row that says which chunk testified it.
-trait Testified: StoredTable {
-    fn chunk(&self) -> ChunkId;
-    fn tile(&self) -> TileId;
-}
-
-macro_rules! testified {
-    ($($row:ty),+) => { $(
-        impl Testified for $row {
-            fn chunk(&self) -> ChunkId {
-                ChunkId {
-                    vehicle: VehicleKey(self.vehicle),
-                    channel: self.channel,
-                    window: self.window,
-                }
-            }
-            fn tile(&self) -> TileId {
-                TileId(self.tile)
-            }
-        }
-    )+ };
-}
-testified!(EvidenceRow, Sighting, Footprint);
 
 /// From mapped chunks to a committed version.
 pub(crate) struct Update<'a> {
@@ -280,10 +255,10 @@ impl Update<'_> {
             sightings.extend(mapped.evidence.sightings);
             footprints.extend(mapped.evidence.footprints);
         }
-        let new: BTreeSet<ChunkId> = chunks.iter().map(chunk_id).collect();
+        let new: BTreeSet<ChunkId> = chunks.iter().map(ChunkRow::chunk).collect();
         let (replaced, kept): (Vec<ChunkRow>, Vec<ChunkRow>) = known
             .into_iter()
-            .partition(|row| new.contains(&chunk_id(row)));
+            .partition(|row| new.contains(&row.chunk()));
         let touched: BTreeSet<TileId> = chunks.iter().chain(&replaced).flat_map(tiles_of).collect();
 
         self.progress.begin(Stage::Exchange, 3);
@@ -351,37 +326,35 @@ impl Update<'_> {
     }
 
     /// Replaces what the touched tiles hold of `new` chunks; returns all their rows.
-    fn exchange<R: Testified + Clone>(
+    fn exchange<R: Testified + StoredTable>(
         &self,
         transaction: &mut Transaction,
         touched: &BTreeSet<TileId>,
         new: &BTreeSet<ChunkId>,
         rows: Vec<R>,
-    ) -> Result<Vec<R>, EngineError> {
+    ) -> Result<Ledger<R>, EngineError> {
         let count = rows.len() as u64;
-        let rows = self.meter.time(Stage::Exchange, || {
-            let mut all: Vec<R> = transaction.base().read(TileFilter::Tiles(touched))?;
-            all.retain(|row| !new.contains(&row.chunk()) && touched.contains(&row.tile()));
-            all.extend(rows);
-            transaction.replace_tiles(touched, all.clone())?;
-            Ok::<_, EngineError>(all)
+        let ledger = self.meter.time(Stage::Exchange, || {
+            let known = Ledger::of(transaction.base().read(TileFilter::Tiles(touched))?);
+            let ledger = known.subtract(new).merge(Ledger::of(rows));
+            transaction.replace_tiles(touched, ledger.rows().to_vec())?;
+            Ok::<_, EngineError>(ledger)
         })?;
         self.meter.count(Stage::Exchange, count, 0);
         self.progress.advance(Stage::Exchange, 1, 0);
-        Ok(rows)
+        Ok(ledger)
     }
 
     /// All rows of a table as they will be.
-    fn all<R: Testified>(
+    fn all<R: Testified + StoredTable>(
         &self,
         base: &Snapshot,
         new: &BTreeSet<ChunkId>,
         rows: Vec<R>,
     ) -> Result<Vec<R>, EngineError> {
-        let mut all: Vec<R> = base.read(TileFilter::All)?;
-        all.retain(|row| !new.contains(&row.chunk()));
-        all.extend(rows);
-        Ok(all)
+        let known = Ledger::of(base.read(TileFilter::All)?);
+        let ledger = known.subtract(new).merge(Ledger::of(rows));
+        Ok(ledger.into_rows())
     }
 
     /// Tiles with new evidence, with additions, or with another model's layer.
@@ -416,19 +389,15 @@ impl Update<'_> {
         base: &Snapshot,
         tiles: &BTreeSet<TileId>,
         touched: &BTreeSet<TileId>,
-        at_hand: &[EvidenceRow],
-    ) -> Result<Vec<EvidenceRow>, EngineError> {
-        let of_tiles = at_hand
-            .iter()
-            .filter(|row| tiles.contains(&TileId(row.tile)));
-        let mut rows: Vec<EvidenceRow> = of_tiles.cloned().collect();
+        at_hand: &Ledger<EvidenceRow>,
+    ) -> Result<Ledger<EvidenceRow>, EngineError> {
+        let at_hand = at_hand.clone().within(tiles);
         let others: BTreeSet<TileId> = tiles.difference(touched).copied().collect();
-        if !others.is_empty() {
-            let stored: Vec<EvidenceRow> = base.read(TileFilter::Tiles(&others))?;
-            let of_others = |row: &EvidenceRow| others.contains(&TileId(row.tile));
-            rows.extend(stored.into_iter().filter(of_others));
+        if others.is_empty() {
+            return Ok(at_hand);
         }
-        Ok(rows)
+        let stored = Ledger::of(base.read(TileFilter::Tiles(&others))?);
+        Ok(at_hand.merge(stored))
     }
 }
 
