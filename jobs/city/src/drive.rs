@@ -3,6 +3,7 @@
 //! Where the map ends before the drive does, the vehicle parks, and comes in again where it likes:
 //! the drive goes on with another leg, some minutes later. A log holds them all.
 
+mod in_order;
 mod leg;
 
 use std::io::{Seek, Write};
@@ -36,7 +37,7 @@ pub(crate) struct Drive<'a> {
 /// A drive that was written.
 pub(crate) struct Written<W> {
     pub(crate) sink: W,
-    /// The matching truth.
+    /// The matching truth, if it is wanted.
     pub(crate) matches: Vec<Match>,
     /// What is in the pictures: a JSON value a line.
     pub(crate) frames: String,

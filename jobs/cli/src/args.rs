@@ -457,7 +457,7 @@ pub(crate) struct Simulation {
     /// How well the vehicles measure: the name of a profile or a TOML file.
     #[arg(long, default_value = "paper_like")]
     pub noise: String,
-    /// Writes beside each log which element every detection is of.
+    /// Writes `matching.csv`: which element every detection is of.
     #[arg(long)]
     pub matching_truth: bool,
 }
