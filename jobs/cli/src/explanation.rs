@@ -5,9 +5,9 @@ use std::path::Path;
 
 use tilefold_engine::explain;
 use tilefold_engine::explain::{Explanation, Frame, PassSays, WouldFlip};
-use tilefold_store::Store;
 
 use crate::args::Args;
+use crate::at::{At, open};
 use crate::report::{Outcome, print};
 use crate::table;
 
@@ -19,9 +19,9 @@ pub(crate) fn explain_verdict(
     args: &Args,
     store: &Path,
     id: &str,
-    version: Option<i64>,
+    version: Option<At>,
 ) -> Result<Outcome, Box<dyn Error>> {
-    let snapshot = Store::open(store.to_path_buf())?.snapshot(version)?;
+    let snapshot = open(store, version)?;
     let explained = explain(&snapshot, id)?;
     print(args, &explained, |explained| {
         let texts: Vec<String> = explained.iter().map(text).collect();

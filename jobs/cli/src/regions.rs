@@ -7,9 +7,10 @@ use serde::Serialize;
 use tilefold_engine::regions;
 use tilefold_formats::geojson::write_regions;
 use tilefold_schemas::{ChangeRecord, Region};
-use tilefold_store::{Snapshot, Store, TileFilter};
+use tilefold_store::{Snapshot, TileFilter};
 
 use crate::args::{Args, Format};
+use crate::at::{At, open};
 use crate::report::{Outcome, print};
 use crate::table;
 
@@ -31,10 +32,10 @@ pub(crate) struct RegionLine {
 pub(crate) fn list(
     args: &Args,
     store: &Path,
-    version: Option<i64>,
+    version: Option<At>,
     threshold: f64,
 ) -> Result<Outcome, Box<dyn Error>> {
-    let snapshot = Store::open(store.to_path_buf())?.snapshot(version)?;
+    let snapshot = open(store, version)?;
     let found = of_version(&snapshot, threshold)?;
     if args.format == Format::Geojson {
         write_regions(&found, &mut std::io::stdout().lock())?;
