@@ -78,29 +78,37 @@ def checksum(elements, columns):
     return str(total)
 
 
+def clocks():
+    return time.perf_counter(), time.process_time()
+
+
+def since(begun):
+    return tuple(now - then for now, then in zip(clocks(), begun))
+
+
 def of_duckdb(path):
     connection = duckdb.connect(config={"threads": THREADS})
     connection.execute("SET preserve_insertion_order = false")
     sums = ", ".join(f"sum({name})::BIGINT AS {name}" for name in SUMS)
-    begun = time.perf_counter()
-    table = connection.execute(
+    begun = clocks()
+    table = connection.sql(
         f"SELECT element, section, {sums} FROM read_parquet('{path}') GROUP BY element, section"
     ).to_arrow_table()
-    seconds = time.perf_counter() - begun
-    return seconds, len(table), checksum(table["element"].to_numpy(), [table[name].to_numpy() for name in SUMS])
+    taken = since(begun)
+    return taken, len(table), checksum(table["element"].to_numpy(), [table[name].to_numpy() for name in SUMS])
 
 
 def of_polars(engine):
     def fold(path):
-        begun = time.perf_counter()
+        begun = clocks()
         table = (
             pl.scan_parquet(path)
             .group_by("element", "section")
             .agg([pl.col(name).cast(pl.Int64).sum() for name in SUMS])
             .collect(engine=engine)
         )
-        seconds = time.perf_counter() - begun
-        return seconds, len(table), checksum(table["element"].to_numpy(), [table[name].to_numpy() for name in SUMS])
+        taken = since(begun)
+        return taken, len(table), checksum(table["element"].to_numpy(), [table[name].to_numpy() for name in SUMS])
 
     return fold
 
@@ -109,7 +117,8 @@ def of_tilefold(program):
     def fold(path):
         said = json.loads(subprocess.run([program, path, str(THREADS)], check=True, capture_output=True).stdout)
         fold.index_seconds = said["index_seconds"]
-        return said["seconds"], said["groups"], said["checksum"]
+        taken = said["seconds"], said["processor_seconds"]
+        return taken, said["groups"], said["checksum"]
 
     return fold
 
@@ -132,14 +141,16 @@ def main():
         "polars, streaming": of_polars("streaming"),
     }
     seconds = {name: [] for name in programs}
+    processor_seconds = {name: [] for name in programs}
     results, index_seconds, load = set(), [], []
     for _ in range(asked.rounds):
         load.append(os.getloadavg()[0])
         for name, fold in programs.items():
-            taken, groups, total = fold(path)
+            (taken, processor), groups, total = fold(path)
             seconds[name].append(taken)
+            processor_seconds[name].append(processor)
             results.add((groups, total))
-            print(f"{name:18} {taken:7.2f} s  {rows / taken / 1e6:7.1f} M rows/s  {groups} groups", flush=True)
+            print(f"{name:18} {taken:7.2f} s  {processor:7.2f} s of processors  {rows / taken / 1e6:7.1f} M rows/s  {groups} groups", flush=True)
         index_seconds.append(programs["tilefold"].index_seconds)
     figures = {
         "rows": rows,
@@ -149,6 +160,7 @@ def main():
         "groups": sorted(groups for groups, _ in results),
         "same_sums": len(results) == 1,
         "seconds": seconds,
+        "processor_seconds": processor_seconds,
         "tilefold_index_seconds": index_seconds,
         "load_before_round": load,
         "duckdb": duckdb.__version__,
