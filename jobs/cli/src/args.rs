@@ -35,8 +35,12 @@ impl Args {
     /// command. Usage errors end the process with their exit code.
     pub(crate) fn parse_checked() -> Self {
         let args = Self::parse();
-        if args.format == Format::Geojson && !matches!(args.command, Command::Export { .. }) {
-            let why = "--format geojson is for `export`; this command prints `text` or `json`";
+        let draws = matches!(
+            args.command,
+            Command::Export { .. } | Command::Regions { .. }
+        );
+        if args.format == Format::Geojson && !draws {
+            let why = "--format geojson is for `export` and `regions`; this command prints `text` or `json`";
             Self::command()
                 .error(ErrorKind::ArgumentConflict, why)
                 .exit();
@@ -53,7 +57,7 @@ pub(crate) enum Format {
     Text,
     /// One JSON value.
     Json,
-    /// RFC 7946 (`export` only).
+    /// RFC 7946 (`export` and `regions`).
     Geojson,
 }
 
@@ -212,6 +216,18 @@ pub(crate) enum Command {
         /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
         #[arg(long, visible_alias = "as-of", value_parser = at)]
         version: Option<At>,
+    },
+    /// Lists changes that lie beside each other as regions: what happened there, and since when.
+    /// `--format geojson` gives them as polygons.
+    Regions {
+        /// The store.
+        store: PathBuf,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
+        /// Least posterior of the changes.
+        #[arg(long, default_value_t = 0.85)]
+        threshold: f64,
     },
     /// Says why a version says what it says of a change or an element: what every pass adds, what
     /// would flip the verdict, and the frames to look at.

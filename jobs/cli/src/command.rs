@@ -23,8 +23,8 @@ use crate::args::{Args, Command};
 use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
-    calibration, demo, evaluation, explanation, progress, rebase, reference, retract, simulate,
-    table, vacuum,
+    calibration, demo, evaluation, explanation, progress, rebase, reference, regions, retract,
+    simulate, table, vacuum,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -81,6 +81,11 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
         } => vacuum::vacuum_store(args, store, (*retain_days, *grace_hours), *dry_run),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
+        Command::Regions {
+            store,
+            version,
+            threshold,
+        } => regions::list(args, store, *version, *threshold),
         Command::Explain { store, id, version } => {
             explanation::explain_verdict(args, store, id, *version)
         }

@@ -10,6 +10,7 @@ mod explanation;
 mod progress;
 mod rebase;
 mod reference;
+mod regions;
 mod report;
 mod retract;
 mod simulate;

@@ -38,4 +38,5 @@ pub use rebase::{RebaseReport, rebase};
 pub use retract::{Forget, RetractReport, retract};
 pub use run::{Plan, RunOptions, RunReport, plan, run};
 pub use tilefold_reducers::FusionModel;
+pub use tilefold_reducers::regions::regions;
 pub use tilefold_workers::Registering;
