@@ -214,7 +214,11 @@ fn live_share(share: u8) {
         .unwrap();
     let killed = *town.killed.borrow();
     println!("{cases} histories, {killed} jobs killed");
-    assert!(killed * 10 > cases as usize, "too few jobs were killed");
+    // Of a handful of histories, none may have a kill in it.
+    assert!(
+        cases < 50 || killed * 10 > cases as usize,
+        "too few jobs were killed"
+    );
 }
 
 #[test]

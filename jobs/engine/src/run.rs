@@ -171,14 +171,21 @@ pub fn run(
         meter: &meter,
         progress,
     };
-    let before = report.version;
-    let (version, tiles) = folding.commit(snapshot, known_rows, mapped.mapped)?;
-    report.is_new_version = version != before;
-    report.version = version;
-    report.tiles_reduced = tiles;
+    let folded = folding.commit(snapshot, known_rows, mapped.mapped)?;
+    report.is_new_version = folded.is_new_version;
+    report.version = folded.version;
+    report.tiles_reduced = folded.tiles;
     report.stages = meter.report();
     report.wall_s = meter.elapsed_s();
     Ok(report)
+}
+
+/// What came of it.
+struct Folded {
+    version: i64,
+    /// Whether this job made it.
+    is_new_version: bool,
+    tiles: usize,
 }
 
 /// What was mapped, on its way into the store.
@@ -196,7 +203,7 @@ impl Folding<'_> {
         mut snapshot: Snapshot,
         mut known: Vec<ChunkRow>,
         mut mapped: Vec<Mapped>,
-    ) -> Result<(i64, usize), EngineError> {
+    ) -> Result<Folded, EngineError> {
         let mut attempts = ATTEMPTS;
         loop {
             attempts -= 1;
@@ -204,7 +211,14 @@ impl Folding<'_> {
                 Err(EngineError::Store(
                     error @ (StoreError::Conflict { .. } | StoreError::Busy { .. }),
                 )) if attempts > 0 => error,
-                done => return done,
+                done => {
+                    let (version, tiles) = done?;
+                    return Ok(Folded {
+                        version,
+                        is_new_version: version != snapshot.version(),
+                        tiles,
+                    });
+                }
             };
             let latest = snapshot.store().snapshot(None)?;
             let map = |snapshot: &Snapshot| snapshot.info().pins.get(ElementRow::NAME).cloned();
