@@ -88,9 +88,10 @@ impl<'a> Ledger<'a> {
             let Some(spot) = self.spot(mapped) else {
                 continue;
             };
-            let matched = frame.matches.pairs.iter().find(|pair| pair.mapped == index);
             // A line that was seen farther on, or nearer by, says nothing of this section.
-            let matched = matched.filter(|pair| spot.is_on(&frame.cross_cut.seen[pair.seen]));
+            let is_on = |pair: &&Match| spot.is_on(&frame.cross_cut.seen[pair.seen]);
+            let mut pairs = frame.matches.pairs.iter();
+            let matched = pairs.find(|pair| pair.mapped == index && is_on(pair));
             let row = self.row(mapped, &spot);
             expose(row.row, frame.look.pose.stamp_ns, visibility);
             paper_sums(row.row, visibility, opinion(matched));

@@ -23,7 +23,7 @@ pub fn assignments<'a>(
     map: &'a LocalMap<'_>,
 ) -> impl Iterator<Item = Assignment> + 'a {
     let testifies = frame.registration.confidence >= MIN_CONFIDENCE;
-    let pairs = frame.matches.pairs.iter().filter(move |_| testifies);
+    let pairs = (frame.matches.pairs.iter()).filter(move |pair| testifies && pair.is_main);
     pairs.map(|pair| {
         let seen = frame.cross_cut.seen[pair.seen].line;
         let mapped = frame.cross_cut.mapped[pair.mapped].line;

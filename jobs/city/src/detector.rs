@@ -41,7 +41,8 @@ pub(crate) struct Seen {
 struct Sight {
     /// What memory is kept by.
     key: usize,
-    element: Option<i64>,
+    /// Whose paint it is, in the order of the points.
+    pieces: Vec<Piece>,
     kind: ElementKind,
     marking: Marking,
     color: Color,
@@ -50,6 +51,26 @@ struct Sight {
     wear: f64,
     /// Metres forward and to the left.
     points: Vec<[f64; 2]>,
+}
+
+/// A stretch of a line that is one element's; no element's, where no paint is.
+struct Piece {
+    element: Option<i64>,
+    points: usize,
+}
+
+impl Sight {
+    /// The element that most of the first `told` points are of, the nearest of equals.
+    fn element(&self, told: usize) -> Option<i64> {
+        let mut left = told;
+        let told = self.pieces.iter().map(|piece| {
+            let points = piece.points.min(left);
+            left -= points;
+            (points, piece.element)
+        });
+        let longest = told.reduce(|a, b| if b.0 > a.0 { b } else { a });
+        longest.and_then(|(_, element)| element)
+    }
 }
 
 /// The detector of one drive.

@@ -113,7 +113,8 @@ impl Temper {
         };
         Some(Seen {
             detection,
-            element: sight.element,
+            // Whoever sees the end of one way and the begin of the next tells of the longer stretch.
+            element: sight.element(points.len()),
         })
     }
 
