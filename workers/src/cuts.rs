@@ -17,7 +17,7 @@ pub const RANGES_M: [f64; 14] = [
 const SIDE_M: f64 = 12.0;
 /// Lines that cross the vehicle's direction more steeply are not lines along it (tangent of 20
 /// degrees).
-const MAX_SLOPE: f64 = 0.364;
+pub(crate) const MAX_SLOPE: f64 = 0.364;
 
 /// A line crossing one range ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -63,16 +63,16 @@ struct Candidate {
     beside_m: f64,
 }
 
-/// Matches a frame whose vehicle really was `offset_m` to the left of its pose.
+/// Matches a frame whose vehicle really was `offset_m` to the left of its pose and `along_m` ahead of it.
 #[must_use]
-pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
+pub fn match_lines(cross_cut: &CrossCut, offset_m: f64, along_m: f64) -> Matches {
     let seen = by_lateral(&cross_cut.seen);
     let mapped = by_lateral(&cross_cut.mapped);
     let candidates: Vec<Vec<Option<Candidate>>> = seen
         .iter()
         .map(|&s| {
             let seen = &cross_cut.seen[s];
-            let against = |&m: &usize| candidate(seen, &cross_cut.mapped[m], offset_m);
+            let against = |&m: &usize| candidate(seen, &cross_cut.mapped[m], offset_m, along_m);
             mapped.iter().map(against).collect()
         })
         .collect();
@@ -125,7 +125,7 @@ fn by_lateral(lines: &[CutLine]) -> Vec<usize> {
     order
 }
 
-fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidate> {
+fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64, along_m: f64) -> Option<Candidate> {
     let against = Against::new(seen, mapped)?;
     let residual_m = against.offset_m + offset_m;
     // E[(x + o)^2] = E[x^2] + 2 o E[x] + o^2.
@@ -134,7 +134,7 @@ fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidat
         residual_m,
         mean_square_m2: mean_square_m2.max(0.0),
         slope: against.slope,
-        beside_m: seen.beside_m(mapped, 0.0),
+        beside_m: seen.beside_m(mapped, -along_m),
     })
 }
 
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_complete_frame_scores_by_hand() {
-        let matches = match_lines(&frame(&[1.9, -1.6], &[1.75, -1.75]), -0.05);
+        let matches = match_lines(&frame(&[1.9, -1.6], &[1.75, -1.75]), -0.05, 0.0);
         assert!(matches.is_complete);
         let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
         assert_eq!(found, [(1, 1), (0, 0)]);
@@ -309,7 +309,7 @@ mod tests {
     #[test]
     fn order_is_kept_and_strangers_stay_alone() {
         // The right one of two seen lines belongs to the right map line, though the left is nearer.
-        let matches = match_lines(&frame(&[0.2, 1.2], &[1.0, 5.0]), 0.0);
+        let matches = match_lines(&frame(&[0.2, 1.2], &[1.0, 5.0]), 0.0, 0.0);
         let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
         assert_eq!(found, [(1, 0)]);
         assert!(!matches.is_complete);
@@ -317,7 +317,7 @@ mod tests {
 
     #[test]
     fn halfway_between_two_map_lines_is_ambiguous() {
-        let matches = match_lines(&frame(&[0.0], &[-0.5, 0.5]), 0.0);
+        let matches = match_lines(&frame(&[0.0], &[-0.5, 0.5]), 0.0, 0.0);
         assert_eq!(matches.pairs.len(), 1);
         assert!(matches.pairs[0].is_ambiguous);
     }
@@ -336,7 +336,7 @@ mod tests {
                     (-0.5 * z * z).exp()
                 }).sum()
             };
-            let found: Vec<_> = match_lines(&cross_cut, 0.0)
+            let found: Vec<_> = match_lines(&cross_cut, 0.0, 0.0)
                 .pairs.iter().map(|m| (m.seen, m.mapped)).collect();
             let mut best = 0.0_f64;
             every_ordered(&seen, &mapped, &mut Vec::new(), &mut |pairs| best = best.max(gain(pairs)));
@@ -379,7 +379,7 @@ mod tests {
                 .to_owned()
                 .try_into()
                 .unwrap();
-            let matches = match_lines(&frame(&seen, &mapped), 0.0);
+            let matches = match_lines(&frame(&seen, &mapped), 0.0, 0.0);
             let gain = |pair: &Match| (-0.5 * (pair.residual_m / GAIN_SIGMA_M).powi(2)).exp();
             let found: f64 = matches.pairs.iter().map(gain).sum();
             assert!(found <= best[0] + 1e-6, "{line}: {found}");
@@ -409,7 +409,7 @@ mod tests {
             seen: vec![part(0, 0..10, 1.75)],
             mapped: vec![part(0, 0..3, 1.75), part(1, 3..10, 1.85)],
         };
-        let matches = match_lines(&cross_cut, 0.0);
+        let matches = match_lines(&cross_cut, 0.0, 0.0);
         let found: Vec<_> = (matches.pairs.iter())
             .map(|m| (m.mapped, m.is_main, m.is_ambiguous))
             .collect();
@@ -419,7 +419,7 @@ mod tests {
             seen: vec![part(0, 0..4, 1.75), part(1, 6..10, 1.8)],
             mapped: vec![part(0, 0..12, 1.75)],
         };
-        let matches = match_lines(&cross_cut, 0.0);
+        let matches = match_lines(&cross_cut, 0.0, 0.0);
         let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
         assert_eq!(found.len(), 2, "{found:?}");
         assert!(matches.pairs.iter().all(|m| m.is_main));

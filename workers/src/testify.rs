@@ -8,6 +8,7 @@ use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
 use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::section_of;
 
+use crate::aslant::Aslant;
 use crate::cuts::{CrossCut, Cut, CutLine};
 use crate::hidden::Hidden;
 use crate::local_map::{LocalLine, LocalMap};
@@ -38,6 +39,8 @@ pub struct Frame<'a> {
     pub registration: Registration,
     /// Which seen line is which map line.
     pub matches: &'a Matches,
+    /// And those of the others that run across the vehicle's way.
+    pub aslant: &'a [Aslant],
     /// What it could not see.
     pub hidden: &'a Hidden<'a>,
 }

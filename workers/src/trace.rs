@@ -23,14 +23,16 @@ pub fn assignments<'a>(
     map: &'a LocalMap<'_>,
 ) -> impl Iterator<Item = Assignment> + 'a {
     let testifies = frame.registration.confidence >= MIN_CONFIDENCE;
-    let pairs = (frame.matches.pairs.iter()).filter(move |pair| testifies && pair.is_main);
-    pairs.map(|pair| {
+    let pairs = frame.matches.pairs.iter().filter(|pair| pair.is_main);
+    let along = pairs.map(|pair| {
         let seen = frame.cross_cut.seen[pair.seen].line;
-        let mapped = frame.cross_cut.mapped[pair.mapped].line;
-        Assignment {
-            stamp_ns: frame.look.pose.stamp_ns,
-            detection: frame.look.lines[seen].detection,
-            element: map.lines[mapped].mapped.element.id,
-        }
+        (seen, frame.cross_cut.mapped[pair.mapped].line)
+    });
+    let aslant = frame.aslant.iter().map(|of| (of.seen, of.mapped));
+    let all = along.chain(aslant).filter(move |_| testifies);
+    all.map(|(seen, mapped)| Assignment {
+        stamp_ns: frame.look.pose.stamp_ns,
+        detection: frame.look.lines[seen].detection,
+        element: map.lines[mapped].mapped.element.id,
     })
 }
