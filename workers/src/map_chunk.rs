@@ -186,6 +186,7 @@ pub fn map_chunk_traced(
             look,
             cross_cut,
             registration,
+            ahead_m,
             aslant: &match_aslant(look, (cross_cut, &matches), moved_m, &map, &mut near),
             matches: &matches,
             hidden: &hidden[index],

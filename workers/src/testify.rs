@@ -37,6 +37,8 @@ pub struct Frame<'a> {
     pub cross_cut: &'a CrossCut,
     /// Lateral correction.
     pub registration: Registration,
+    /// How far ahead of its pose the vehicle really was, in metres.
+    pub ahead_m: f64,
     /// Which seen line is which map line.
     pub matches: &'a Matches,
     /// And those of the others that run across the vehicle's way.

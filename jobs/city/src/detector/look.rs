@@ -3,7 +3,7 @@
 use tilefold_schemas::element::{ElementKind, SignClass};
 
 use super::phantom::Phantoms;
-use super::{Piece, Sight};
+use super::{LEAST_POINTS, Piece, Sight};
 use crate::course::Motion;
 use crate::noise::DetectorNoise;
 use crate::traffic::Vehicle;
@@ -15,8 +15,6 @@ const HALF_ANGLE_TAN: f64 = 0.8;
 pub(super) const CAMERA_M: f64 = 1.4;
 /// Pieces of lines that lie this near to each other are one line, in metres.
 const JOIN_M: f64 = 0.3;
-/// The fewest points that make a line.
-const LEAST_POINTS: usize = 3;
 
 /// A look from one place.
 pub(super) struct Look<'a> {

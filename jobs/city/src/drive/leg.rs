@@ -254,11 +254,13 @@ impl<'a> Leg<'a> {
             let motion = self.course.motion(seconds - late_s);
             let around = self.traffic.at(seconds - late_s);
             let seen = detector.look(&motion, &around, stamp_ns, clock.period_s());
-            matches.extend(seen.iter().enumerate().map(|(detection, seen)| Match {
-                stamp_ns,
-                detection,
-                element: seen.element,
-            }));
+            for (detection, seen) in seen.iter().enumerate() {
+                matches.extend(seen.parts.iter().map(|&part| Match {
+                    stamp_ns,
+                    detection,
+                    part,
+                }));
+            }
             let payload = Payload::Detections(DetectionFrame {
                 space: DetectionSpace::Metres,
                 detections: seen.into_iter().map(|seen| seen.detection).collect(),
