@@ -44,7 +44,7 @@ pub struct Part {
     pub shares: [f64; 2],
 }
 
-/// What a frame's detections are of, by number: parts that do not overlap.
+/// What a frame's detections are of, by number: a part for each element.
 pub type FrameTruth = BTreeMap<usize, Vec<Part>>;
 
 /// Which element each detection is of.
@@ -136,9 +136,8 @@ impl MatchingTruth {
         let frames = self.channels.entry(channel).or_default();
         let frame = frames.entry(stamp_ns).or_default();
         let parts = frame.entry(detection).or_default();
-        let overlaps = |known: &Part| known.shares[0] < shares[1] && shares[0] < known.shares[1];
-        if parts.iter().any(overlaps) {
-            return Err("it says a stretch of a detection for the second time".to_owned());
+        if parts.iter().any(|known| known.element == element) {
+            return Err("it says an element of a detection for the second time".to_owned());
         }
         parts.push(Part { element, shares });
         Ok(())
@@ -203,7 +202,7 @@ mod tests {
         let parts = &truth.frame("car", "/lanes", 7).unwrap()[&0];
         let elements: Vec<_> = parts.iter().map(|part| part.element).collect();
         assert_eq!(elements, [Some(1004), Some(1005)]);
-        assert!(read("car,/lanes,7,0,4,0,0.4\ncar,/lanes,7,0,5,0.3,1\n").is_err());
+        assert!(read("car,/lanes,7,0,4,0,0.4\ncar,/lanes,7,0,4,0.5,1\n").is_err());
         assert!(read("car,/lanes,7,0,4,0.6,0.4\n").is_err());
         assert!(read("car,/lanes,7,0,4,0,NaN\n").is_err());
     }
