@@ -34,6 +34,7 @@ fn record(verdict: Verdict, kind: ElementKind) -> ChangeRecord {
         p_removed: 0.98,
         p_modified: 0.01,
         log_odds: 4.6,
+        evidence_fx: 0,
         vehicles: 12,
         passes: 14,
         exposed: 2_000,

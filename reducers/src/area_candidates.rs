@@ -17,8 +17,9 @@ use tilefold_tiler::tile::tile_of;
 
 use crate::candidates::candidate_id;
 use crate::elements::round_degrees;
+use crate::explain::{Explained, Weight};
 use crate::fold::Fold;
-use crate::look::{Look, Sighted};
+use crate::look::{self, Look, Sighted};
 
 /// Sightings are of one thing if they lie within this of each other: along the way, where a vehicle's
 /// position is worse, and across it, in metres.
@@ -62,8 +63,22 @@ pub fn judge(
     tile_level: u32,
     fold: &Fold,
 ) -> Vec<ChangeRecord> {
+    let explained = explain(sightings, footprints, map, tile_level, fold);
+    let records = explained.into_iter().map(|explained| explained.record);
+    records.collect()
+}
+
+/// As [`judge`], with what every vehicle that looked adds to each record.
+#[must_use]
+pub fn explain(
+    sightings: &[Sighting],
+    footprints: &[Footprint],
+    map: &MapIndex,
+    tile_level: u32,
+    fold: &Fold,
+) -> Vec<Explained> {
     let looks = AreaLooks::new(footprints);
-    let mut records: Vec<ChangeRecord> = Vec::new();
+    let mut explained: Vec<Explained> = Vec::new();
     for component in components(sightings) {
         let Some(frame) = component.first().and_then(|sighting| anchor(sighting)) else {
             continue;
@@ -80,12 +95,26 @@ pub fn judge(
             }
             let candidate = Candidate::new(&cluster);
             if !candidate.is_mapped(map, &frame) {
-                records.extend(candidate.record(&frame, &looks, tile_level, fold.model.name()));
+                explained.extend(candidate.record(&frame, &looks, tile_level, fold.model.name()));
             }
         }
     }
-    records.sort_by_key(|record| (record.tile, record.change));
-    records
+    explained.sort_by_key(|explained| (explained.record.tile, explained.record.change));
+    explained
+}
+
+/// How many more vehicles that look well and see nothing there it takes until an addition is no
+/// more believed.
+#[must_use]
+pub fn misses_to_flip(added: &ChangeRecord) -> u32 {
+    let unseen = Look {
+        visibility: 1.0,
+        frames: 0,
+        first_ns: 0,
+        last_ns: 0,
+        best_ns: 0,
+    };
+    look::misses(added, PRIOR_ADDED, unseen.nats(false, SIGHTED))
 }
 
 fn anchor(sighting: &Sighting) -> Option<LocalFrame> {
@@ -330,14 +359,16 @@ impl<'s, 'a> Candidate<'s, 'a> {
         looks: &AreaLooks<'_>,
         tile_level: u32,
         model_name: &str,
-    ) -> Option<ChangeRecord> {
+    ) -> Option<Explained> {
         let kind = self.kind()?;
         let sighted: BTreeSet<i64> = self.members.iter().map(|m| m.sighting.vehicle).collect();
         let looked = looks.at(self, kind, frame);
-        let nats_fx: i64 = looked
-            .iter()
-            .map(|(vehicle, look)| fixed::from_f64(look.nats(sighted.contains(vehicle), SIGHTED)))
-            .sum();
+        let weigh = |(&vehicle, look): (&i64, &Look)| {
+            let saw = sighted.contains(&vehicle);
+            look.weight(vehicle, saw, fixed::from_f64(look.nats(saw, SIGHTED)))
+        };
+        let weights: Vec<Weight> = looked.iter().map(weigh).collect();
+        let nats_fx: i64 = weights.iter().map(|weight| weight.nats_fx[1]).sum();
         let odds = libm::log(PRIOR_ADDED / (1.0 - PRIOR_ADDED)) + fixed::to_f64(nats_fx);
         let p_added = 1.0 / (1.0 + libm::exp(-odds));
         if p_added < 0.5 {
@@ -358,7 +389,7 @@ impl<'s, 'a> Candidate<'s, 'a> {
         })?;
         let looks = || looked.values();
         let length_m = Polyline::of_element(&vertices).map_or(0.0, |(_, line)| line.length_m());
-        Some(ChangeRecord {
+        let record = ChangeRecord {
             tile: tile_of(vertices[0][0], vertices[0][1], tile_level).ok()?.0,
             change: candidate_id(earliest, 0),
             element: None,
@@ -396,10 +427,12 @@ impl<'s, 'a> Candidate<'s, 'a> {
                 ElementKind::StopLine => wkb::line(&vertices),
                 _ => wkb::polygon(&vertices),
             }),
+            evidence_fx: 0,
             best_vehicle: best.vehicle,
             best_ns: best.best_ns,
             fusion_model: model_name.to_owned(),
-        })
+        };
+        Some(Explained::new(record, weights))
     }
 
     /// The class read in most sightings, each counting once; the lower code of equals.
@@ -502,6 +535,7 @@ impl<'a> AreaLooks<'a> {
                     frames: 0,
                     first_ns: sighting.first_ns,
                     last_ns: sighting.last_ns,
+                    best_ns: sighting.best_ns,
                 },
             );
         }
@@ -520,6 +554,7 @@ impl<'a> AreaLooks<'a> {
                         frames: i64::from(footprint.frames),
                         first_ns: footprint.stamp_ns,
                         last_ns: footprint.stamp_ns,
+                        best_ns: footprint.stamp_ns,
                     },
                 );
             }
@@ -529,11 +564,8 @@ impl<'a> AreaLooks<'a> {
 }
 
 fn add(looks: &mut BTreeMap<i64, Look>, vehicle: i64, look: Look) {
-    let known = looks.entry(vehicle).or_insert(Look { frames: 0, ..look });
-    known.visibility = known.visibility.max(look.visibility);
-    known.frames += look.frames;
-    known.first_ns = known.first_ns.min(look.first_ns);
-    known.last_ns = known.last_ns.max(look.last_ns);
+    let known = looks.entry(vehicle);
+    known.and_modify(|known| known.add(&look)).or_insert(look);
 }
 
 /// Whether the whole of a candidate was before a vehicle at a footprint.

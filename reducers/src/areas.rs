@@ -6,11 +6,12 @@
 //! count once each and move the odds by a bounded amount; all log-likelihoods are quantised once a
 //! pass and summed as integers, so their order does not matter.
 
-use tilefold_schemas::{ChangeRecord, ElementKind, EvidenceRow, SignClass, Verdict, fixed, wkb};
+use tilefold_schemas::{ElementKind, EvidenceRow, SignClass, Verdict, fixed, wkb};
 use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::Polyline;
 
 use crate::elements::{self, Judged, round_degrees};
+use crate::explain::{Explained, Weight};
 use crate::fold::{Fold, FusionModel};
 use crate::paper::{self, softmax};
 use crate::passes::{Pass, passes};
@@ -63,16 +64,20 @@ struct Claims {
     along: (f64, f64),
 }
 
-/// The change record of one element; rows are those of its present content, in any order.
+/// The change record of one element, with what every pass adds to it; rows are those of its present content, in any order.
 #[must_use]
-pub fn judge(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Vec<ChangeRecord> {
+pub fn explain(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Explained {
     let rows: Vec<&EvidenceRow> = rows
         .iter()
         .filter(|row| row.content == mapped.content.0)
         .copied()
         .collect();
     let sections = [passes(&rows)];
-    let claims = weigh(&sections[0], mapped.element.kind, mapped.element.sign);
+    let (claims, testimonies) = weigh(&sections[0], mapped.element.kind, mapped.element.sign);
+    let testimonies = match fold.model {
+        FusionModel::Paper => sections[0].iter().map(paper::testimony).collect(),
+        FusionModel::Calibrated => testimonies,
+    };
     let posterior = match fold.model {
         FusionModel::Paper => paper::posterior(&sections[0]),
         FusionModel::Calibrated => [
@@ -114,7 +119,9 @@ pub fn judge(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Vec<
         };
         record.geometry_new = Some(outline(mapped, place));
     }
-    vec![record]
+    let pairs = sections[0].iter().zip(testimonies);
+    let weights = pairs.map(|(pass, nats_fx)| Weight::of(pass, nats_fx));
+    Explained::new(record, weights.collect())
 }
 
 /// The element's outline moved along and to the left of its direction, in metres.
@@ -158,8 +165,11 @@ fn direction(line: &Polyline, is_line: bool) -> [f64; 2] {
     [east / length, north / length]
 }
 
-fn weigh(passes: &[Pass], kind: ElementKind, class: SignClass) -> Claims {
-    let [gone, there] = presence(passes);
+/// The claims, and what each pass says of no change, added, removed and modified.
+fn weigh(passes: &[Pass], kind: ElementKind, class: SignClass) -> (Claims, Vec<[i64; 4]>) {
+    let seen: Vec<[i64; 2]> = passes.iter().map(presence).collect();
+    let sum = |of: usize| fixed::to_f64(seen.iter().map(|nats_fx| nats_fx[of]).sum());
+    let [gone, there] = [sum(0), sum(1)];
     let left = Place::new(passes, |pass| {
         residual(pass, pass.residual_eta_fx, pass.residual_lambda_fx)
     });
@@ -167,7 +177,8 @@ fn weigh(passes: &[Pass], kind: ElementKind, class: SignClass) -> Claims {
         residual(pass, pass.along_eta_fx, pass.along_lambda_fx)
     });
     let mapped_class = Some(class).filter(|_| kind == ElementKind::GroundSign);
-    let (same, other) = readings(passes, mapped_class);
+    let read = Readings::new(passes, mapped_class);
+    let (same, other) = (read.same, read.other);
     // A shift is to the side, along, or both; each as likely.
     let shifts = [
         left.off + along.near,
@@ -185,40 +196,54 @@ fn weigh(passes: &[Pass], kind: ElementKind, class: SignClass) -> Claims {
     ];
     for shift in shifts {
         // What was painted anew beside its place may be of another class too.
-        let read = libm::log(0.9 * libm::exp(same) + 0.1 * libm::exp(other));
-        logs.push(there + shift + read + libm::log(PRIOR_SHIFTED / 3.0));
+        let either = libm::log(0.9 * libm::exp(same) + 0.1 * libm::exp(other));
+        logs.push(there + shift + either + libm::log(PRIOR_SHIFTED / 3.0));
     }
     let logs: [f64; 6] = std::array::from_fn(|index| logs[index]);
     let [in_place, removed, retyped, aside, ahead, both] = softmax(logs);
     let place = |p: f64, place: &Place| if p > 0.0 { place.best } else { (0.0, 0.0) };
-    Claims {
+    // The likeliest of what may have been modified stands for it.
+    let is_retyped = retyped > aside + ahead + both;
+    let is_off = |p: f64| !is_retyped && p > 0.0;
+    let (off_left, off_along) = (is_off(aside + both - ahead), is_off(ahead + both - aside));
+    let of_pass = |index: usize| {
+        let [gone, there] = seen[index];
+        let in_place = there + left.nats_fx(index, false) + along.nats_fx(index, false);
+        let aside = there + left.nats_fx(index, off_left) + along.nats_fx(index, off_along);
+        let [same, other] = read.nats_fx(index);
+        let modified = if is_retyped {
+            aside + other
+        } else {
+            aside + same
+        };
+        [in_place + same, 0, gone, modified]
+    };
+    let testimonies = (0..passes.len()).map(of_pass).collect();
+    let claims = Claims {
         in_place,
         removed,
         retyped,
         shifted: aside + ahead + both,
         left: place(aside + both - ahead, &left),
         along: place(ahead + both - aside, &along),
-    }
+    };
+    (claims, testimonies)
 }
 
-/// Log-likelihoods of gone and of there, by how often passes matched.
-fn presence(passes: &[Pass]) -> [f64; 2] {
-    let mut sums_fx = [0_i64; 2];
-    for pass in passes {
-        let frames = pass.exposed.max(1) as f64;
-        let hits = (pass.hit as f64).min(frames);
-        let gone = beta_binomial(hits, frames, FALSELY_MATCHED);
-        let visible = beta_binomial(hits, frames, MATCHED);
-        // Matches where nothing is are matches of something else: they lie anywhere.
-        let sure = pass.visibility().clamp(0.0, 1.0);
-        let there = sure * ((1.0 - HIDDEN) * visible + HIDDEN * gone) + (1.0 - sure) * gone;
-        let mean = 0.5 * (gone + there);
-        for (sum, likelihood) in sums_fx.iter_mut().zip([gone, there]) {
-            let mixed = (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
-            *sum += fixed::from_f64(libm::log(mixed / mean));
-        }
-    }
-    sums_fx.map(fixed::to_f64)
+/// Log-likelihoods of gone and of there, by how often a pass matched.
+fn presence(pass: &Pass) -> [i64; 2] {
+    let frames = pass.exposed.max(1) as f64;
+    let hits = (pass.hit as f64).min(frames);
+    let gone = beta_binomial(hits, frames, FALSELY_MATCHED);
+    let visible = beta_binomial(hits, frames, MATCHED);
+    // Matches where nothing is are matches of something else: they lie anywhere.
+    let sure = pass.visibility().clamp(0.0, 1.0);
+    let there = sure * ((1.0 - HIDDEN) * visible + HIDDEN * gone) + (1.0 - sure) * gone;
+    let mean = 0.5 * (gone + there);
+    [gone, there].map(|likelihood| {
+        let mixed = (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
+        fixed::from_f64(libm::log(mixed / mean))
+    })
 }
 
 /// P(this sequence of hits and misses), the chance of a hit being drawn once a pass from a beta
@@ -248,6 +273,8 @@ struct Place {
     off: f64,
     /// Mean place and its standard deviation, if off.
     best: (f64, f64),
+    /// What each pass says of the likeliest place, near and off.
+    testimonies: Vec<[i64; 2]>,
 }
 
 impl Place {
@@ -255,15 +282,22 @@ impl Place {
         let places = 2 * STEPS + 1;
         let offset_m = |index: usize| (index as f64 - STEPS as f64) * STEP_M;
         let mut sums_fx = vec![0_i64; places];
-        let residuals: Vec<(f64, f64)> = passes.iter().filter_map(of).collect();
-        let tolerance_m = tolerance_m(&residuals);
-        for (residual_m, sigma_m) in residuals {
-            for (index, sum) in sums_fx.iter_mut().enumerate() {
-                let z = (residual_m - offset_m(index)) / sigma_m;
-                let at = libm::exp(-0.5 * z * z) / (sigma_m * SQRT_TAU);
-                let mixed = (1.0 - STRAY) * at + STRAY * STRAY_DENSITY;
-                *sum += fixed::from_f64(libm::log(mixed));
-            }
+        let residuals: Vec<Option<(f64, f64)>> = passes.iter().map(of).collect();
+        let tolerance_m = tolerance_m(&residuals.iter().copied().flatten().collect::<Vec<_>>());
+        let nats_fx = |residual: Option<(f64, f64)>, index: usize| {
+            let Some((residual_m, sigma_m)) = residual else {
+                return 0;
+            };
+            let z = (residual_m - offset_m(index)) / sigma_m;
+            let at = libm::exp(-0.5 * z * z) / (sigma_m * SQRT_TAU);
+            let mixed = (1.0 - STRAY) * at + STRAY * STRAY_DENSITY;
+            fixed::from_f64(libm::log(mixed))
+        };
+        for (index, sum) in sums_fx.iter_mut().enumerate() {
+            *sum = residuals
+                .iter()
+                .map(|&residual| nats_fx(residual, index))
+                .sum();
         }
         let logs: Vec<f64> = sums_fx.iter().copied().map(fixed::to_f64).collect();
         let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -273,6 +307,7 @@ impl Place {
         };
         let weigh = |prior: &dyn Fn(f64) -> f64| {
             let (mut total, mut sum, mut mean, mut square) = (0.0, 0.0, 0.0, 0.0);
+            let mut likeliest = (0.0, 0);
             for (index, log) in logs.iter().enumerate() {
                 let offset_m = offset_m(index);
                 let prior = prior(offset_m);
@@ -281,6 +316,9 @@ impl Place {
                 sum += weight;
                 mean += weight * offset_m;
                 square += weight * offset_m * offset_m;
+                if weight > likeliest.0 {
+                    likeliest = (weight, index);
+                }
             }
             let sum_or_one = sum.max(f64::MIN_POSITIVE);
             let mean = mean / sum_or_one;
@@ -288,17 +326,28 @@ impl Place {
             (
                 libm::log(sum_or_one / total),
                 (mean, (variance + STEP_M * STEP_M / 12.0).sqrt()),
+                likeliest.1,
             )
         };
-        let (near, _) = weigh(&|offset_m| normal(offset_m, tolerance_m));
-        let (off, best) = weigh(&|offset_m| {
+        let (near, _, here) = weigh(&|offset_m| normal(offset_m, tolerance_m));
+        let (off, best, there) = weigh(&|offset_m| {
             if offset_m.abs() < SHIFT_FROM * tolerance_m {
                 0.0
             } else {
                 normal(offset_m, SHIFT_SIGMA_M)
             }
         });
-        Self { near, off, best }
+        let of_pass = |&residual: &_| [nats_fx(residual, here), nats_fx(residual, there)];
+        Self {
+            near,
+            off,
+            best,
+            testimonies: residuals.iter().map(of_pass).collect(),
+        }
+    }
+
+    fn nats_fx(&self, pass: usize, is_off: bool) -> i64 {
+        self.testimonies[pass][usize::from(is_off)]
     }
 }
 
@@ -315,43 +364,71 @@ fn tolerance_m(residuals: &[(f64, f64)]) -> f64 {
     }
 }
 
-/// Log-likelihoods of being of the mapped class and of any other, by what was read. Alike where the map
-/// does not say a class that can be read wrongly.
-fn readings(passes: &[Pass], class: Option<SignClass>) -> (f64, f64) {
-    let is_known = |class: &SignClass| !matches!(class, SignClass::Unknown | SignClass::Other);
-    let Some(class) = class.filter(is_known) else {
-        return (0.0, f64::NEG_INFINITY);
-    };
-    let classes = SignClass::ALL.len() - 1;
-    let mut sums_fx = vec![0_i64; classes];
-    let wrong = libm::log((1.0 - READ_RIGHT) / (classes - 1) as f64);
-    for pass in passes {
-        let read: i32 = pass.seen[1..].iter().sum();
-        if read == 0 {
-            continue;
-        }
-        let worth = READINGS.min(f64::from(read)) / f64::from(read);
-        let likelihood = |code: usize| {
-            let right = f64::from(pass.seen[code]);
-            let log = right * libm::log(READ_RIGHT) + (f64::from(read) - right) * wrong;
-            libm::exp(worth * log)
+/// Classes that can be read.
+const CLASSES: usize = SignClass::ALL.len() - 1;
+
+/// What was read.
+struct Readings {
+    /// Log-likelihoods of being of the mapped class and of any other. Alike where the map does not
+    /// say a class that can be read wrongly.
+    same: f64,
+    other: f64,
+    /// What each pass says of the mapped class, and of the likeliest other.
+    testimonies: Vec<[i64; 2]>,
+}
+
+impl Readings {
+    fn new(passes: &[Pass], class: Option<SignClass>) -> Self {
+        let is_known = |class: &SignClass| !matches!(class, SignClass::Unknown | SignClass::Other);
+        let Some(class) = class.filter(is_known) else {
+            return Self {
+                same: 0.0,
+                other: f64::NEG_INFINITY,
+                testimonies: vec![[0; 2]; passes.len()],
+            };
         };
-        let likelihoods: Vec<f64> = (1..=classes).map(likelihood).collect();
-        let mean = likelihoods.iter().sum::<f64>() / classes as f64;
-        for (sum, likelihood) in sums_fx.iter_mut().zip(&likelihoods) {
-            let mixed = (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
-            *sum += fixed::from_f64(libm::log(mixed / mean));
+        let of_passes: Vec<[i64; CLASSES]> = passes.iter().map(read_as).collect();
+        let sum_fx = |code: usize| of_passes.iter().map(|nats_fx| nats_fx[code]).sum();
+        let logs: [f64; CLASSES] = std::array::from_fn(|code| fixed::to_f64(sum_fx(code)));
+        let own = class.code() as usize - 1;
+        let others = || (0..CLASSES).filter(|&code| code != own);
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let sum: f64 = others().map(|code| libm::exp(logs[code] - most)).sum();
+        let now = others().max_by(|&a, &b| logs[a].total_cmp(&logs[b]).then(b.cmp(&a)));
+        let now = now.unwrap_or(own);
+        Self {
+            same: logs[own],
+            other: most + libm::log((sum / (CLASSES - 1) as f64).max(f64::MIN_POSITIVE)),
+            testimonies: of_passes
+                .iter()
+                .map(|nats_fx| [nats_fx[own], nats_fx[now]])
+                .collect(),
         }
     }
-    let logs: Vec<f64> = sums_fx.iter().copied().map(fixed::to_f64).collect();
-    let own = class.code() as usize - 1;
-    let others = logs.iter().enumerate().filter(|(index, _)| *index != own);
-    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let sum: f64 = others.map(|(_, log)| libm::exp(log - most)).sum();
-    (
-        logs[own],
-        most + libm::log((sum / (classes - 1) as f64).max(f64::MIN_POSITIVE)),
-    )
+
+    fn nats_fx(&self, pass: usize) -> [i64; 2] {
+        self.testimonies[pass]
+    }
+}
+
+/// Log-likelihoods of all classes by what a pass read.
+fn read_as(pass: &Pass) -> [i64; CLASSES] {
+    let read: i32 = pass.seen[1..].iter().sum();
+    if read == 0 {
+        return [0; CLASSES];
+    }
+    let wrong = libm::log((1.0 - READ_RIGHT) / (CLASSES - 1) as f64);
+    let worth = READINGS.min(f64::from(read)) / f64::from(read);
+    let likelihoods: [f64; CLASSES] = std::array::from_fn(|code| {
+        let right = f64::from(pass.seen[code + 1]);
+        let log = right * libm::log(READ_RIGHT) + (f64::from(read) - right) * wrong;
+        libm::exp(worth * log)
+    });
+    let mean = likelihoods.iter().sum::<f64>() / CLASSES as f64;
+    likelihoods.map(|likelihood| {
+        let mixed = (1.0 - CONTAMINATION) * likelihood + CONTAMINATION * mean;
+        fixed::from_f64(libm::log(mixed / mean))
+    })
 }
 
 #[cfg(test)]
@@ -421,10 +498,10 @@ mod tests {
         }
     }
 
-    fn judged(rows: &[EvidenceRow]) -> ChangeRecord {
+    fn judged(rows: &[EvidenceRow]) -> tilefold_schemas::ChangeRecord {
         let rows: Vec<&EvidenceRow> = rows.iter().collect();
         let fold = Fold::of_fleet(FusionModel::Calibrated, SensorModel::default());
-        judge(&arrow(), &rows, &fold).remove(0)
+        explain(&arrow(), &rows, &fold).record
     }
 
     fn five(hits: i32, left_m: f64, along_m: f64, class: SignClass) -> Vec<EvidenceRow> {

@@ -19,8 +19,9 @@ use tilefold_tiler::tile::tile_of;
 
 use crate::chain;
 use crate::elements::{SECTION_M, round_degrees};
+use crate::explain::{Explained, Weight};
 use crate::fold::Fold;
-use crate::look::{Look, Sighted};
+use crate::look::{self, Look, Sighted};
 use crate::moved::{self, Gone};
 
 /// Sightings whose boxes come this near belong to one component, in degrees (about 5 m).
@@ -82,13 +83,47 @@ pub fn judge(
     tile_level: u32,
     fold: &Fold,
 ) -> Vec<ChangeRecord> {
+    let explained = explain(sightings, footprints, map, gone, tile_level, fold);
+    let records = explained.into_iter().map(|explained| explained.record);
+    records.collect()
+}
+
+/// As [`judge`], with what every vehicle that looked adds to each record.
+#[must_use]
+pub fn explain(
+    sightings: &[Sighting],
+    footprints: &[Footprint],
+    map: &MapIndex,
+    gone: &Gone,
+    tile_level: u32,
+    fold: &Fold,
+) -> Vec<Explained> {
     let looks = LookIndex::new(footprints, map, gone);
-    let mut records: Vec<ChangeRecord> = components(sightings)
+    let mut explained: Vec<Explained> = components(sightings)
         .into_iter()
         .flat_map(|component| judge_component(&component, &looks, tile_level, fold))
         .collect();
-    records.sort_by_key(|record| (record.tile, record.change));
-    records
+    explained.sort_by_key(|explained| (explained.record.tile, explained.record.change));
+    explained
+}
+
+/// How many more vehicles that look well and see nothing there it takes until an addition is no
+/// more believed.
+#[must_use]
+pub fn misses_to_flip(added: &ChangeRecord) -> u32 {
+    let unseen = Look {
+        visibility: 1.0,
+        frames: 0,
+        first_ns: 0,
+        last_ns: 0,
+        best_ns: 0,
+    };
+    let sections = (added.to_m / SECTION_M).ceil().max(1.0);
+    look::misses(
+        added,
+        PRIOR_ADDED,
+        sections * WORTH * unseen.nats(false, SIGHTED),
+    )
 }
 
 /// Sightings in groups that touch, each in canonical order.
@@ -153,7 +188,7 @@ fn judge_component(
     looks: &LookIndex,
     tile_level: u32,
     fold: &Fold,
-) -> Vec<ChangeRecord> {
+) -> Vec<Explained> {
     let model_name = fold.model.name();
     let Some(anchor) = component
         .iter()
@@ -479,16 +514,15 @@ impl<'a> LookIndex<'a> {
             let Some(visibility) = visibility(footprint, place, frame) else {
                 continue;
             };
-            let look = looks.entry(footprint.vehicle).or_insert(Look {
-                visibility: 0.0,
-                frames: 0,
+            let look = Look {
+                visibility,
+                frames: i64::from(footprint.frames),
                 first_ns: footprint.stamp_ns,
                 last_ns: footprint.stamp_ns,
-            });
-            look.visibility = look.visibility.max(visibility);
-            look.frames += i64::from(footprint.frames);
-            look.first_ns = look.first_ns.min(footprint.stamp_ns);
-            look.last_ns = look.last_ns.max(footprint.stamp_ns);
+                best_ns: footprint.stamp_ns,
+            };
+            let known = looks.entry(footprint.vehicle);
+            known.and_modify(|known| known.add(&look)).or_insert(look);
         }
         looks
     }
@@ -524,7 +558,7 @@ fn judge_line(
     looks: &LookIndex<'_>,
     tile_level: u32,
     model_name: &str,
-) -> Vec<ChangeRecord> {
+) -> Vec<Explained> {
     let nodes_per_section = (SECTION_M / STEP_M) as usize;
     let starts: Vec<usize> = (0..line.nodes.len()).step_by(nodes_per_section).collect();
     let judged: Vec<SectionLooks> = starts
@@ -533,7 +567,7 @@ fn judge_line(
         .collect();
     let logs: Vec<Vec<f64>> = judged
         .iter()
-        .map(|section| vec![0.0, WORTH * section.nats()])
+        .map(|section| vec![0.0, section.nats()])
         .collect();
     let prior = [1.0 - PRIOR_ADDED, PRIOR_ADDED];
     let chain = chain::posterior(&logs, &prior, &[vec![1.0, 0.0], vec![0.0, 1.0]]);
@@ -553,16 +587,12 @@ fn judge_line(
                 (starts[to - 1] + nodes_per_section).min(line.nodes.len() - 1),
             );
             let p_added = posterior[from..to].iter().map(|p| p[1]).sum::<f64>() / size as f64;
-            records.extend(record(
-                line,
-                nodes,
-                p_added,
-                &judged[from..to],
-                component,
-                frame,
-                tile_level,
-                model_name,
-            ));
+            let stretch = &judged[from..to];
+            let record = record(
+                line, nodes, p_added, stretch, component, frame, tile_level, model_name,
+            );
+            let weights = || stretch.iter().flat_map(SectionLooks::weights).collect();
+            records.extend(record.map(|record| Explained::new(record, weights())));
         }
         from = to.max(from + 1);
     }
@@ -605,12 +635,16 @@ impl SectionLooks {
 
     /// Log-likelihood ratio of "there" against "nothing there", bounded per vehicle.
     fn nats(&self) -> f64 {
-        let sum_fx: i64 = self
-            .looks
-            .values()
-            .map(|(look, saw)| fixed::from_f64(look.nats(*saw, SIGHTED)))
-            .sum();
+        let sum_fx: i64 = self.weights().map(|weight| weight.nats_fx[1]).sum();
         fixed::to_f64(sum_fx)
+    }
+
+    /// What every vehicle that looked adds to that.
+    fn weights(&self) -> impl Iterator<Item = Weight> {
+        self.looks.iter().map(|(&vehicle, (look, saw))| {
+            let nats_fx = fixed::from_f64(WORTH * look.nats(*saw, SIGHTED));
+            look.weight(vehicle, *saw, nats_fx)
+        })
     }
 }
 
@@ -697,6 +731,7 @@ fn record(
         class_observed: None,
         geometry_old: None,
         geometry_new: Some(wkb::line(&vertices)),
+        evidence_fx: 0,
         best_vehicle: best.vehicle,
         best_ns: best.best_ns,
         fusion_model: model_name.to_owned(),

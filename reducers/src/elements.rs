@@ -8,6 +8,7 @@ use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::{Polyline, section_count, section_range};
 
 use crate::areas;
+use crate::explain::{Explained, Weight};
 use crate::fold::{Fold, FusionModel};
 use crate::lines;
 use crate::markings;
@@ -34,21 +35,53 @@ pub(crate) struct Judged {
 /// Change records of one element: one if it is of one piece, else one per changed stretch.
 #[must_use]
 pub fn judge(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Vec<ChangeRecord> {
+    let explained = explain(mapped, rows, fold).into_iter();
+    explained.map(|explained| explained.record).collect()
+}
+
+/// As [`judge`], with what every pass adds to each record.
+#[must_use]
+pub fn explain(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Vec<Explained> {
     if mapped.element.kind != ElementKind::LaneMarking {
-        return areas::judge(mapped, rows, fold);
+        return vec![areas::explain(mapped, rows, fold)];
     }
     let sections = by_section(rows, mapped);
-    let (judged, sections, since) = match fold.model {
-        FusionModel::Paper => (sections.iter().map(judge_paper).collect(), sections, None),
+    let mut votes = Vec::new();
+    let (judged, sections, mut testimonies, since) = match fold.model {
+        FusionModel::Paper => {
+            let nats = |passes: &Vec<Pass>| passes.iter().map(paper::testimony).collect();
+            let testimonies: Vec<Vec<[i64; 4]>> = sections.iter().map(nats).collect();
+            let judged = sections.iter().map(judge_paper).collect();
+            (judged, sections, testimonies, None)
+        }
         FusionModel::Calibrated => {
             let line = lines::judge(&sections, &fold.sensor);
             let mut judged = line.sections;
             let marking = mapped.element.marking;
-            markings::retype(marking, &line.passes, &fold.sensor, &mut judged);
-            (judged, line.passes, line.since)
+            votes = markings::retype(marking, &line.passes, &fold.sensor, &mut judged);
+            (judged, line.passes, line.testimonies, line.since)
         }
     };
-    let record = |(verdict, range): Stretch| {
+    if !votes.is_empty() {
+        // It is in its place either way: what it was read as makes the difference.
+        for nats_fx in testimonies.iter_mut().flatten() {
+            nats_fx[3] = nats_fx[0];
+        }
+    }
+    let weights = |(from, to): (usize, usize)| -> Vec<Weight> {
+        let of = |(passes, nats): (&Vec<Pass>, &Vec<[i64; 4]>)| -> Vec<Weight> {
+            let pairs = passes.iter().zip(nats);
+            pairs
+                .map(|(pass, nats_fx)| Weight::of(pass, *nats_fx))
+                .collect()
+        };
+        let of_stretch = sections[from..to].iter().zip(&testimonies[from..to]);
+        of_stretch
+            .flat_map(of)
+            .chain(votes.iter().cloned())
+            .collect()
+    };
+    let explained = |(verdict, range): Stretch| {
         let length_m = mapped.length_m;
         let mut record = record(
             mapped, &sections, &judged, verdict, range, length_m, fold.model,
@@ -57,11 +90,11 @@ pub fn judge(mapped: &MappedElement, rows: &[&EvidenceRow], fold: &Fold) -> Vec<
             record.changed_after_ns = since.map(|since| since.after_ns);
             record.changed_before_ns = since.map(|since| since.before_ns);
         }
-        record
+        Explained::new(record, weights(range))
     };
     stretches(&judged, &sections, fold.quorum)
         .into_iter()
-        .map(record)
+        .map(explained)
         .collect()
 }
 
@@ -233,6 +266,7 @@ pub(crate) fn record(
         geometry_old: Some(old_geometry(mapped, from_m, to_m)),
         geometry_new: shift
             .and_then(|(shift_m, _)| shifted_geometry(mapped, from_m, to_m, shift_m)),
+        evidence_fx: 0,
         best_vehicle: best.map_or(0, |pass| pass.vehicle),
         best_ns: best.map_or(0, |pass| pass.best_ns),
         changed_after_ns: None,

@@ -41,6 +41,8 @@ pub(crate) struct JudgedLine {
     pub(crate) states: Vec<Vec<f64>>,
     /// Passes that count, by section: those since the last change.
     pub(crate) passes: Vec<Vec<Pass>>,
+    /// What each of them says of no change, added, removed and modified, at the best place of each.
+    pub(crate) testimonies: Vec<Vec<[i64; 4]>>,
     /// When it changed, if it did while it was observed.
     pub(crate) since: Option<Since>,
 }
@@ -103,6 +105,7 @@ pub(crate) fn judge(sections: &[Vec<Pass>], sensor: &SensorModel) -> JudgedLine 
     JudgedLine {
         sections: chain.posterior.iter().map(merged).collect(),
         passes: looks.passes(sections),
+        testimonies: looks.testimonies(&chain.posterior, &space.states),
         states: chain.posterior,
         since,
     }
@@ -218,6 +221,26 @@ impl Looks {
         self.part(time..self.times_ns.len())
     }
 
+    /// What the passes say, as [`Self::passes`] orders them, of the likeliest state of each claim.
+    fn testimonies(&self, posterior: &[Vec<f64>], states: &[State]) -> Vec<Vec<[i64; 4]>> {
+        let of_section = |(looks, states_p): (&Vec<Look>, &Vec<f64>)| {
+            let at = |claim| likeliest(states_p, states, claim);
+            let (here, gone, aside) = (at(Claim::InPlace), at(Claim::Removed), at(Claim::Shifted));
+            let mut ordered: Vec<&Look> = looks.iter().collect();
+            ordered.sort_unstable_by_key(|look| look.pass);
+            let nats = |look: &&Look| {
+                let nats_fx = &look.nats_fx;
+                [nats_fx[here], 0, nats_fx[gone], nats_fx[aside]]
+            };
+            ordered.iter().map(nats).collect()
+        };
+        self.sections
+            .iter()
+            .zip(posterior)
+            .map(of_section)
+            .collect()
+    }
+
     /// The passes of these looks, as ordered in `sections`.
     fn passes(&self, sections: &[Vec<Pass>]) -> Vec<Vec<Pass>> {
         let of = |(looks, passes): (&Vec<Look>, &Vec<Pass>)| {
@@ -236,6 +259,18 @@ fn is_other_claim(before: &Chain, after: &Chain, states: &[State]) -> bool {
     let claims =
         |chain: &Chain| -> Vec<Verdict> { chain.posterior.iter().map(likeliest).collect() };
     claims(before) != claims(after)
+}
+
+/// Index of the likeliest state that makes a claim; the first of equals.
+fn likeliest(states_p: &[f64], states: &[State], claim: Claim) -> usize {
+    let mut most: Option<usize> = None;
+    for (index, state) in states.iter().enumerate() {
+        let is_likelier = most.is_none_or(|most| states_p[index] > states_p[most]);
+        if state.claim == claim && is_likelier {
+            most = Some(index);
+        }
+    }
+    most.unwrap_or(0)
 }
 
 fn add(sums_fx: &mut [i64], nats_fx: &[i64]) {

@@ -120,6 +120,7 @@ fn move_to(record: &mut ChangeRecord, added: ChangeRecord, shift_m: f64, sigma_m
     record.p_modified += moved;
     record.p_removed -= moved;
     record.verdict = Verdict::Modified.code();
+    record.evidence_fx += added.evidence_fx;
     record.shift_m = Some(shift_m);
     record.shift_sigma_m = Some(sigma_m);
     record.geometry_new = added.geometry_new;
@@ -153,6 +154,7 @@ mod tests {
             p_removed: if is_added { 0.0 } else { 0.97 },
             p_modified: 0.01,
             log_odds: 3.9,
+            evidence_fx: 0,
             vehicles: 6,
             passes: 8,
             exposed: 100,

@@ -14,17 +14,25 @@ const EPSILON: f64 = 1e-6;
 pub fn posterior(passes: &[Pass]) -> [f64; 4] {
     let mut sums_fx = [0_i64; 4];
     for pass in passes {
-        let [no, add, del, modified, weight] = pass.paper_fx;
-        if weight <= 0 {
-            continue;
-        }
-        for (sum, share_fx) in sums_fx.iter_mut().zip([no, add, del, modified]) {
-            let average = share_fx as f64 / weight as f64;
-            // Quantised once a pass and summed as integers: order cannot matter.
-            *sum += fixed::from_f64(libm::log(average + EPSILON));
+        for (sum, nats_fx) in sums_fx.iter_mut().zip(testimony(pass)) {
+            *sum += nats_fx;
         }
     }
     softmax(sums_fx.map(fixed::to_f64))
+}
+
+/// What one pass says of the four hypotheses (Eq 20): quantised once and summed as integers, so that
+/// order cannot matter. A pass without weight says nothing.
+#[must_use]
+pub fn testimony(pass: &Pass) -> [i64; 4] {
+    let [no, add, del, modified, weight] = pass.paper_fx;
+    if weight <= 0 {
+        return [0; 4];
+    }
+    [no, add, del, modified].map(|share_fx| {
+        let average = share_fx as f64 / weight as f64;
+        fixed::from_f64(libm::log(average + EPSILON))
+    })
 }
 
 /// Exponentials normalised to sum 1.

@@ -98,6 +98,13 @@ impl Pass {
         fixed::to_f64(self.sum_v_fx) / self.exposed.max(1) as f64
     }
 
+    /// The class or marking read most, the lower code of equals; none if none was recognised.
+    #[must_use]
+    pub fn read(&self) -> Option<i16> {
+        let most = (1..CLASS_BINS).max_by_key(|&bin| (self.seen[bin], std::cmp::Reverse(bin)))?;
+        (self.seen[most] > 0).then_some(most as i16)
+    }
+
     /// Mean lateral residual in metres, positive to the left of the element; none without a hit.
     #[must_use]
     pub fn residual_m(&self) -> Option<f64> {

@@ -17,6 +17,7 @@ table! {
     /// What one chunk of one vehicle's drive says about one section of one element.
     ///
     /// Fixed-point fields (`*_fx`) are in units of 2^-24; see [`crate::fixed`].
+    #[derive(Eq, PartialOrd, Ord)]
     pub struct EvidenceRow in "evidence" {
         /// Owner tile of the element.
         pub tile: i32,
@@ -85,6 +86,7 @@ table! {
 
 table! {
     /// Paint that no map element explains, as one chunk saw it.
+    #[derive(Eq, PartialOrd, Ord)]
     pub struct Sighting in "sightings" {
         /// Tile of its first vertex.
         pub tile: i32,
@@ -125,6 +127,7 @@ table! {
 
 table! {
     /// Where one chunk looked, sampled along the trajectory: what confronts candidates.
+    #[derive(Eq, PartialOrd, Ord)]
     pub struct Footprint in "footprints" {
         /// Tile of the registered vehicle position.
         pub tile: i32,
@@ -180,7 +183,7 @@ table! {
         pub model: i64,
         /// Channel name.
         pub topic: String,
-        /// Log it was first read from. Not part of any digest.
+        /// Logs it was made from, context included, one a line, ascending. Not part of any digest.
         pub log: String,
         /// Messages that the map stage was given, context included.
         pub messages: i32,
@@ -194,5 +197,20 @@ table! {
         pub first_ns: i64,
         /// Last frame.
         pub last_ns: i64,
+        /// First capture time of what it was made from, context included; latched messages aside.
+        pub given_from_ns: i64,
+        /// Last capture time of it.
+        pub given_to_ns: i64,
+        /// The piece of the map that the chunk was confronted with: westernmost longitude.
+        pub xmin: f64,
+        /// Southernmost latitude.
+        pub ymin: f64,
+        /// Easternmost longitude.
+        pub xmax: f64,
+        /// Northernmost latitude.
+        pub ymax: f64,
+        /// Digest of the map elements in that piece. 0: the base map has changed there since, and the
+        /// chunk is mapped again as soon as its logs are given again.
+        pub map: i64,
     }
 }

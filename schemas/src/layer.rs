@@ -60,6 +60,9 @@ table! {
         pub p_modified: f64,
         /// Log-odds of change against no change, in nats.
         pub log_odds: f64,
+        /// What the passes alone say for the likeliest change against no change: the sum of what
+        /// each of them says, in 2^-24 nats. The prior and neighbouring stretches make the rest.
+        pub evidence_fx: i64,
         /// Distinct vehicles that looked (V in the paper).
         pub vehicles: i32,
         /// Passes that looked.
@@ -120,6 +123,8 @@ table! {
         pub modified: i32,
         /// Records with the verdict "unknown".
         pub unknown: i32,
+        /// Records with the verdict "stale".
+        pub stale: i32,
     }
 }
 

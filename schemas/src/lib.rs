@@ -4,13 +4,16 @@
 //! are, how they become Arrow columns, and which limits hold for what comes from outside.
 
 pub mod column;
+pub mod digest;
 pub mod element;
 pub mod evidence;
 pub mod fixed;
 pub mod id;
 pub mod layer;
+pub mod ledger;
 pub mod limits;
 pub mod log;
+pub mod region;
 pub mod set_aside;
 pub mod table;
 pub mod wkb;
@@ -19,4 +22,6 @@ pub use element::{Color, Element, ElementKind, Marking, SignClass};
 pub use evidence::{ChunkRow, EvidenceRow, Footprint, Sighting};
 pub use id::{ChunkId, ContentHash, ElementId, TileId, VehicleKey};
 pub use layer::{ChangeRecord, LayerHeader, SensorRow, Verdict};
+pub use ledger::{Ledger, Testified};
+pub use region::Region;
 pub use set_aside::{SetAside, SetAsideKind};

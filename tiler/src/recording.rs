@@ -116,6 +116,20 @@ impl Recording {
         }
     }
 
+    /// First and last capture time of a settled recording; what is latched has none of its own.
+    #[must_use]
+    pub fn span_ns(&self) -> Option<(i64, i64)> {
+        let ends = [
+            span(&self.fixes),
+            span(&self.imu),
+            span(&self.odometry),
+            span(&self.detections),
+            span(&self.vehicles),
+        ];
+        let ends = ends.into_iter().flatten();
+        ends.reduce(|(from, to), (first, last)| (from.min(first), to.max(last)))
+    }
+
     /// Digest of all messages: capture times and payloads, nothing of the files they came in.
     #[must_use]
     pub fn digest(&self) -> i64 {
@@ -132,6 +146,10 @@ impl Recording {
         }
         tilefold_schemas::id::first_i64(&hasher.finalize())
     }
+}
+
+fn span<T>(series: &[Stamped<T>]) -> Option<(i64, i64)> {
+    Some((series.first()?.stamp_ns, series.last()?.stamp_ns))
 }
 
 fn settle<T>(series: &mut Series<T>) -> u64 {

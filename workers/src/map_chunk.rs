@@ -11,7 +11,7 @@ use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
 use crate::hidden::{Hidden, Traffic};
-use crate::local_map::{LocalMap, Near};
+use crate::local_map::{LocalMap, Near, degrees_around};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::mounting::{self, Mounting};
@@ -49,8 +49,12 @@ pub struct Evidence {
     pub footprints: Vec<Footprint>,
     /// Frames of the chunk's own window.
     pub frames: u64,
+    /// South-west and north-east corner of the piece of the map that could have an effect, in degrees.
+    pub confronted: ([f64; 2], [f64; 2]),
     /// What was found out about the camera's mounting, if detections are in pixels.
     pub mounting: Option<Mounting>,
+    /// What poses had to do without, and what was done instead.
+    pub without: Vec<&'static str>,
     /// What was not used. The file is left empty: the map stage does not know files.
     pub set_aside: Vec<SetAside>,
 }
@@ -112,6 +116,8 @@ pub fn map_chunk_traced(
             (&without_place_ns, &no_place),
         ),
         mounting: refined.as_ref().map(|(_, mounting)| *mounting),
+        confronted: degrees_around(&local_frame, trajectory.places(), MAP_REACH_M),
+        without: trajectory.sources.fallbacks().collect(),
         ..Evidence::default()
     };
     if looks.is_empty() {
@@ -168,6 +174,12 @@ pub fn map_chunk_traced(
     let places = looks
         .iter()
         .map(|look| [look.pose.east_m, look.pose.north_m]);
+    let (low, high) = degrees_around(&local_frame, places.clone(), MAP_REACH_M);
+    let (west_south, east_north) = evidence.confronted;
+    evidence.confronted = (
+        [0, 1].map(|axis| west_south[axis].min(low[axis])),
+        [0, 1].map(|axis| east_north[axis].max(high[axis])),
+    );
     let mapped_areas = areas::mapped::around(&context.map, &local_frame, places, MAP_REACH_M);
     let passed = Passed::new(&mapped_areas, &glimpses);
     let mut near = Near::default();

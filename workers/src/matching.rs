@@ -216,7 +216,7 @@ fn take_pieces(
     follows: impl Fn(usize, usize) -> bool,
 ) {
     let residual_m = |row: usize, column: usize| candidates[row][column].map(|c| c.residual_m);
-    for row in 0..candidates.len() {
+    for (row, near) in candidates.iter().enumerate() {
         if assigned.iter().any(|pair| pair.0 == row) {
             continue;
         }
@@ -227,7 +227,7 @@ fn take_pieces(
                     .iter()
                     .all(|&(r, c)| c != column || follows(row, r))
         };
-        let beside_m = |column: usize| candidates[row][column].map_or(0.0, |c| c.beside_m);
+        let beside_m = |column: usize| near[column].map_or(0.0, |c| c.beside_m);
         let whole = (assigned.iter().copied().filter(is_piece))
             .max_by(|a, b| beside_m(a.1).total_cmp(&beside_m(b.1)).then(b.cmp(a)));
         assigned.extend(whole.map(|(_, column)| (row, column)));

@@ -111,7 +111,7 @@ fn geometry(record: &ChangeRecord, verdict: Verdict) -> Result<String, GeoJsonEr
 
 /// Counter-clockwise from above (RFC 7946, section 3.1.6), with the first vertex repeated. The first
 /// vertex stays first.
-fn closed_ring(mut ring: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+pub(super) fn closed_ring(mut ring: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
     if doubled_area(&ring) < 0.0
         && let Some((_, rest)) = ring.split_first_mut()
     {
@@ -137,7 +137,7 @@ fn doubled_area(ring: &[[f64; 3]]) -> f64 {
         .sum()
 }
 
-fn push_positions(text: &mut String, points: &[[f64; 3]]) {
+pub(super) fn push_positions(text: &mut String, points: &[[f64; 3]]) {
     text.push('[');
     for (index, [longitude_deg, latitude_deg, _]) in points.iter().enumerate() {
         let separator = if index == 0 { "" } else { "," };
@@ -154,7 +154,7 @@ fn rounded(degrees: f64) -> f64 {
 }
 
 /// Nanoseconds since the Unix epoch as `2026-11-22T10:15:00.123Z`.
-fn utc(stamp_ns: i64) -> String {
+pub(super) fn utc(stamp_ns: i64) -> String {
     let milliseconds = stamp_ns.div_euclid(1_000_000);
     let (day, in_day) = (
         milliseconds.div_euclid(86_400_000),

@@ -11,7 +11,7 @@ use tilefold_schemas::TileId;
 
 use crate::data_file::{self, DataFile};
 use crate::delta::{TableLog, TableState};
-use crate::digest::TableDigest;
+use crate::digest;
 use crate::error::StoreError;
 use crate::layout::{Layout, StoredTable};
 use crate::order;
@@ -166,7 +166,7 @@ impl Snapshot {
     /// A file is damaged or missing.
     pub fn digest<R: StoredTable>(&self) -> Result<String, StoreError> {
         let layout = Layout::of::<R>();
-        let mut digest = TableDigest::new(&layout);
+        let mut digest = digest::empty(&layout);
         let groups = groups(self.files::<R>(TileFilter::All)?);
         // A few groups at a time are decoded beside each other; the hash needs them in order.
         for some in groups.chunks(2 * rayon::current_num_threads()) {
@@ -175,7 +175,7 @@ impl Snapshot {
                 .map(|group| self.read_group(&layout, group))
                 .collect::<Result<Vec<_>, _>>()?;
             for batch in batches {
-                digest.update(&batch)?;
+                digest::add(&mut digest, &batch, &layout)?;
             }
         }
         Ok(digest.finish())

@@ -6,6 +6,8 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 use tilefold_engine::{FusionModel, Registering};
 
+use crate::at::{At, at};
+
 /// Finds where an HD map no longer matches the road, from the camera and GNSS logs of ordinary
 /// vehicles.
 ///
@@ -33,8 +35,12 @@ impl Args {
     /// command. Usage errors end the process with their exit code.
     pub(crate) fn parse_checked() -> Self {
         let args = Self::parse();
-        if args.format == Format::Geojson && !matches!(args.command, Command::Export { .. }) {
-            let why = "--format geojson is for `export`; this command prints `text` or `json`";
+        let draws = matches!(
+            args.command,
+            Command::Export { .. } | Command::Regions { .. }
+        );
+        if args.format == Format::Geojson && !draws {
+            let why = "--format geojson is for `export` and `regions`; this command prints `text` or `json`";
             Self::command()
                 .error(ErrorKind::ArgumentConflict, why)
                 .exit();
@@ -51,7 +57,7 @@ pub(crate) enum Format {
     Text,
     /// One JSON value.
     Json,
-    /// RFC 7946 (`export` only).
+    /// RFC 7946 (`export` and `regions`).
     Geojson,
 }
 
@@ -163,6 +169,41 @@ pub(crate) enum Command {
         /// The store.
         store: PathBuf,
     },
+    /// Takes evidence out, as if it had never come in: folds anew what it touched, commits a version.
+    ///
+    /// What was made from it, context included, leaves with it; the report names the logs that bring
+    /// back the rest. Older versions keep it until `vacuum`.
+    Retract {
+        /// The store.
+        store: PathBuf,
+        /// What is to be forgotten.
+        #[command(flatten)]
+        what: What,
+    },
+    /// Lays a new version of the base map under the store. What is unchanged keeps its evidence, what
+    /// was edited starts anew, claims that the map now confirms are named.
+    Rebase {
+        /// The store.
+        store: PathBuf,
+        /// Map files (Lanelet2 .osm, OpenDRIVE .xodr, Argoverse 2 .json).
+        #[arg(long, required = true, num_args = 1..)]
+        map: Vec<PathBuf>,
+    },
+    /// Removes the data files of versions that were replaced long ago, and of jobs that were killed.
+    /// The latest version always stays.
+    Vacuum {
+        /// The store.
+        store: PathBuf,
+        /// Versions that were current in the last so many days stay readable.
+        #[arg(long, value_name = "DAYS", default_value_t = 30)]
+        retain_days: u32,
+        /// Files written in the last so many hours stay: a job may be about to commit them.
+        #[arg(long, value_name = "HOURS", default_value_t = 24)]
+        grace_hours: u32,
+        /// Only tells what would be removed.
+        #[arg(long)]
+        dry_run: bool,
+    },
     /// Lists the versions of a store.
     Log {
         /// The store.
@@ -172,25 +213,48 @@ pub(crate) enum Command {
     Show {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
+    },
+    /// Lists changes that lie beside each other as regions: what happened there, and since when.
+    /// `--format geojson` gives them as polygons.
+    Regions {
+        /// The store.
+        store: PathBuf,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
+        /// Least posterior of the changes.
+        #[arg(long, default_value_t = 0.85)]
+        threshold: f64,
+    },
+    /// Says why a version says what it says of a change or an element: what every pass adds, what
+    /// would flip the verdict, and the frames to look at.
+    Explain {
+        /// The store.
+        store: PathBuf,
+        /// A change (16 hexadecimal digits), or an element of the map by its id.
+        id: String,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
     },
     /// Recomputes the digests of a version and compares them with what was committed.
     Verify {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
     },
     /// Writes the changes of a version, to standard output if no file is named. `--format geojson`.
     Export {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
         /// File to write.
         #[arg(long, short)]
         out: Option<PathBuf>,
@@ -208,9 +272,9 @@ pub(crate) enum Command {
         /// GeoJSON of the true changes. Without it nothing has changed (a control).
         #[arg(long)]
         truth: Option<PathBuf>,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
         /// Fusion model; the other one is shown beside it. The evidence is folded anew where the
         /// version was not made with it; nothing is written.
         #[arg(long, value_enum, default_value_t)]
@@ -250,6 +314,27 @@ pub(crate) enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+/// What `retract` takes out.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = true)]
+pub(crate) struct What {
+    /// A drive: the key of its vehicle and the second of its first frame. A wrong one lists them.
+    #[arg(long, value_name = "ID", conflicts_with_all = ["vehicle", "log", "from", "to"])]
+    pub drive: Option<String>,
+    /// A vehicle: its name in the logs, or its key in the store.
+    #[arg(long, value_name = "ID", conflicts_with_all = ["log", "from", "to"])]
+    pub vehicle: Option<String>,
+    /// A log: its file name, or its path as it was given to `run`.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["from", "to"])]
+    pub log: Option<String>,
+    /// What was captured from then on: a time like 2026-03-15T00:00:00Z.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub from: Option<i64>,
+    /// What was captured before then.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub to: Option<i64>,
 }
 
 /// What `simulate` makes.

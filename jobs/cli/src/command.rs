@@ -20,8 +20,12 @@ use tilefold_schemas::{
 use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, digest_rows};
 
 use crate::args::{Args, Command};
+use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
-use crate::{calibration, demo, evaluation, progress, reference, simulate, table};
+use crate::{
+    calibration, demo, evaluation, explanation, progress, rebase, reference, regions, retract,
+    simulate, table, vacuum,
+};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -67,8 +71,24 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             run_logs(args, store, logs, options)
         }
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
+        Command::Retract { store, what } => retract::retract_from(args, store, what),
+        Command::Rebase { store, map } => rebase::rebase_store(args, store, map),
+        Command::Vacuum {
+            store,
+            retain_days,
+            grace_hours,
+            dry_run,
+        } => vacuum::vacuum_store(args, store, (*retain_days, *grace_hours), *dry_run),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
+        Command::Regions {
+            store,
+            version,
+            threshold,
+        } => regions::list(args, store, *version, *threshold),
+        Command::Explain { store, id, version } => {
+            explanation::explain_verdict(args, store, id, *version)
+        }
         Command::Verify { store, version } => verify(args, store, *version),
         Command::Export {
             store,
@@ -120,10 +140,6 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             Ok(Outcome::Done)
         }
     }
-}
-
-fn open(store: &Path, version: Option<i64>) -> Result<Snapshot> {
-    Ok(Store::open(store.to_path_buf())?.snapshot(version)?)
 }
 
 /// `init`.
@@ -231,6 +247,7 @@ struct TileLine {
     removed: i32,
     modified: i32,
     unknown: i32,
+    stale: i32,
     digest: String,
 }
 
@@ -242,7 +259,7 @@ struct Summary {
     tiles: Vec<TileLine>,
 }
 
-fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
+fn show(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
     let snapshot = open(store, version)?;
     let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
     let summary = Summary {
@@ -258,6 +275,7 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
                 removed: header.removed,
                 modified: header.modified,
                 unknown: header.unknown,
+                stale: header.stale,
                 digest: header.digest,
             })
             .collect(),
@@ -271,6 +289,7 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
                 "removed",
                 "modified",
                 "unknown",
+                "stale",
                 "digest",
             ],
             summary.tiles.iter().map(|tile| {
@@ -281,6 +300,7 @@ fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
                     tile.removed,
                     tile.modified,
                     tile.unknown,
+                    tile.stale,
                 ];
                 let mut row: Vec<String> = counts.iter().map(i32::to_string).collect();
                 row.push(tile.digest.chars().take(12).collect());
@@ -303,7 +323,7 @@ struct Verification {
     ok: bool,
 }
 
-fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
+fn verify(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
     let snapshot = open(store, version)?;
     // Every data file is read and held against its hash on the way.
     let digest = sound_digest::<LayerHeader>(&snapshot)?;
@@ -378,7 +398,7 @@ fn layers_fit(snapshot: &Snapshot) -> Result<bool> {
 
 fn export(
     store: &Path,
-    version: Option<i64>,
+    version: Option<At>,
     out: Option<&Path>,
     threshold: f64,
     all: bool,
@@ -411,7 +431,7 @@ pub(crate) struct Asked<'a> {
     /// Its true changes; none: nothing has changed.
     pub(crate) truth: Option<&'a Path>,
     /// Version; the latest if not given.
-    pub(crate) version: Option<i64>,
+    pub(crate) version: Option<At>,
     /// Fusion model.
     pub(crate) model: FusionModel,
     /// Which element each detection is of, and the logs with the detections.

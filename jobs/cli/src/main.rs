@@ -1,15 +1,21 @@
 //! The command line: flags in, reports out. It owns no algorithm.
 
 mod args;
+mod at;
 mod calibration;
 mod command;
 mod demo;
 mod evaluation;
+mod explanation;
 mod progress;
+mod rebase;
 mod reference;
+mod regions;
 mod report;
+mod retract;
 mod simulate;
 mod table;
+mod vacuum;
 
 use std::process::ExitCode;
 

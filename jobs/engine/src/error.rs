@@ -36,6 +36,18 @@ pub enum EngineError {
         /// Method of the run.
         wanted: i32,
     },
+    /// Nothing in a version has that id.
+    #[error(
+        "nothing in version {version} has the id {id}; the nearest are {nearest}. Give a change id (16 hexadecimal digits) or an element id of the map; `tilefold export STORE --all` lists both"
+    )]
+    UnknownChange {
+        /// What was asked for.
+        id: String,
+        /// The version.
+        version: i64,
+        /// Ids that look like it.
+        nearest: String,
+    },
     /// A map element is on no tile.
     #[error("element {element} is on no tile: {source}")]
     Tile {

@@ -4,9 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 use tilefold_reducers::moved::{self, Gone};
-use tilefold_reducers::{Fold, TileInput, area_candidates, candidates, reduce_tile};
+use tilefold_reducers::{Fold, TileInput, area_candidates, candidates, reduce_tile, stale};
 use tilefold_schemas::{
-    ChangeRecord, ElementKind, EvidenceRow, Footprint, LayerHeader, Sighting, TileId, Verdict, wkb,
+    ChangeRecord, ElementKind, EvidenceRow, Footprint, LayerHeader, Ledger, Sighting, TileId,
+    Verdict, wkb,
 };
 use tilefold_store::digest_rows;
 use tilefold_tiler::map_index::{MapIndex, MappedElement, bounds};
@@ -55,9 +56,12 @@ impl Reduce<'_> {
     pub fn layers(
         &self,
         tiles: &BTreeSet<TileId>,
-        mut rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Vec<EvidenceRow>, EngineError>,
+        mut rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
     ) -> Result<Vec<Layer>, EngineError> {
-        let mut tiles: BTreeSet<TileId> = tiles.union(&self.tiles_beside()).copied().collect();
+        let mut tiles: BTreeSet<TileId> = tiles
+            .union(&self.tiles_beside(self.sightings))
+            .copied()
+            .collect();
         self.progress.begin(Stage::Reduce, tiles.len() as u64);
         let mut rows = self.by_tile(rows_of(&tiles)?);
         let mut records = self.elements(&tiles, &rows);
@@ -78,21 +82,18 @@ impl Reduce<'_> {
     }
 
     /// Rows that count, by tile.
-    fn by_tile(&self, rows: Vec<EvidenceRow>) -> BTreeMap<TileId, Vec<EvidenceRow>> {
+    fn by_tile(&self, ledger: Ledger<EvidenceRow>) -> BTreeMap<TileId, Vec<EvidenceRow>> {
         let mut by_tile: BTreeMap<TileId, Vec<EvidenceRow>> = BTreeMap::new();
-        for row in rows
-            .into_iter()
-            .filter(|row| self.fold.counts(row.first_ns))
-        {
+        let rows = ledger.into_rows().into_iter();
+        for row in rows.filter(|row| self.fold.counts(row.first_ns)) {
             by_tile.entry(TileId(row.tile)).or_default().push(row);
         }
         by_tile
     }
 
     /// Owners of the lines that lie beside a sighting: what is new there may be such a line, moved.
-    fn tiles_beside(&self) -> BTreeSet<TileId> {
-        let lines = self
-            .sightings
+    pub(crate) fn tiles_beside(&self, sightings: &[Sighting]) -> BTreeSet<TileId> {
+        let lines = sightings
             .iter()
             .filter(|sighting| sighting.kind == ElementKind::LaneMarking.code());
         let mut tiles = BTreeSet::new();
@@ -166,12 +167,19 @@ impl Reduce<'_> {
         for record in records {
             by_tile.entry(TileId(record.tile)).or_default().push(record);
         }
-        let layer = |(tile, records): (TileId, Vec<ChangeRecord>)| {
+        let layer = |(tile, mut records): (TileId, Vec<ChangeRecord>)| {
             let rows = rows.remove(&tile).unwrap_or_default();
+            stale::mark(&mut records, self.as_of_ns(&rows));
             let header = self.header(tile, &records, rows)?;
             Ok(Layer { header, records })
         };
         by_tile.into_iter().map(layer).collect()
+    }
+
+    /// The time that a tile's layer is as of: where none was asked for, that of its last evidence.
+    fn as_of_ns(&self, rows: &[EvidenceRow]) -> i64 {
+        let last_ns = rows.iter().map(|row| row.last_ns).max();
+        self.fold.as_of_ns.or(last_ns).unwrap_or(0)
     }
 
     fn header(
@@ -180,7 +188,7 @@ impl Reduce<'_> {
         records: &[ChangeRecord],
         rows: Vec<EvidenceRow>,
     ) -> Result<LayerHeader, EngineError> {
-        let last_ns = rows.iter().map(|row| row.last_ns).max().unwrap_or(0);
+        let as_of_ns = self.as_of_ns(&rows);
         let count = |verdict: Verdict| {
             let of = records.iter().filter(|r| r.verdict == verdict.code());
             of.count() as i32
@@ -188,15 +196,16 @@ impl Reduce<'_> {
         Ok(LayerHeader {
             tile: tile.0,
             digest: digest_rows(records.to_vec())?,
-            evidence_digest: digest_rows(rows)?,
+            evidence_digest: Ledger::of(rows).digest(),
             fusion_model: self.fold.model.name().to_owned(),
             sensor_model: self.fold.sensor.id(),
-            as_of_ns: self.fold.as_of_ns.unwrap_or(last_ns),
+            as_of_ns,
             no_change: count(Verdict::NoChange),
             added: count(Verdict::Added),
             removed: count(Verdict::Removed),
             modified: count(Verdict::Modified),
             unknown: count(Verdict::Unknown),
+            stale: count(Verdict::Stale),
         })
     }
 }

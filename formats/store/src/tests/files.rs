@@ -5,11 +5,13 @@ use std::path::Path;
 
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, TileId};
+use tilefold_schemas::{
+    ChangeRecord, ChunkRow, EvidenceRow, Footprint, Ledger, Sighting, Testified, TileId,
+};
 
 use super::rows::{parameters, rows, store, tile, tiles};
 use crate::layout::Layout;
-use crate::{Snapshot, StoredTable, TileFilter};
+use crate::{Snapshot, StoredTable, TileFilter, digest_rows};
 
 fn names<R: StoredTable>(snapshot: &Snapshot) -> BTreeSet<String> {
     let files = snapshot.files::<R>(TileFilter::All).unwrap();
@@ -224,4 +226,22 @@ fn geometry_columns_are_named_in_geoparquet_metadata() {
     let changes = geo::<ChangeRecord>();
     assert_eq!(changes["primary_column"], "geometry_new");
     assert_eq!(changes["columns"]["geometry_old"]["encoding"], "WKB");
+}
+
+/// The store's digest and the ledger's are one, whatever order the rows come in.
+#[test]
+fn a_ledger_has_the_digest_of_its_table() {
+    fn check<R: StoredTable + Testified>(seed: u64) {
+        let mut all: Vec<R> = [300, 2, 5000]
+            .into_iter()
+            .flat_map(|number| rows(seed, tile(number), 40))
+            .collect();
+        let digest = Ledger::of(all.clone()).digest();
+        assert_eq!(digest, digest_rows(all.clone()).unwrap());
+        all.reverse();
+        assert_eq!(digest, Ledger::of(all).digest());
+    }
+    check::<EvidenceRow>(1);
+    check::<Sighting>(2);
+    check::<Footprint>(3);
 }

@@ -5,4 +5,5 @@
 mod commands;
 mod damage;
 mod errors;
+mod explain;
 mod support;

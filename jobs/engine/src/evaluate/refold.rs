@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tilefold_reducers::moved::{self, Gone};
 use tilefold_reducers::{Fold, FusionModel, SensorModel, candidates, elements};
-use tilefold_schemas::{ChangeRecord, EvidenceRow, Footprint, LayerHeader, Sighting, TileId};
+use tilefold_schemas::{
+    ChangeRecord, EvidenceRow, Footprint, LayerHeader, Ledger, Sighting, TileId,
+};
 use tilefold_store::{Snapshot, TileFilter};
 use tilefold_tiler::map_index::MapIndex;
 
@@ -21,7 +23,7 @@ use crate::run::read_elements;
 pub struct Refold {
     map: MapIndex,
     tile_level: u32,
-    rows: Vec<EvidenceRow>,
+    ledger: Ledger<EvidenceRow>,
     sightings: Vec<Sighting>,
     footprints: Vec<Footprint>,
     records: Vec<ChangeRecord>,
@@ -41,7 +43,7 @@ impl Refold {
         Ok(Self {
             map: MapIndex::new(read_elements(snapshot, tile_level)?),
             tile_level,
-            rows: snapshot.read(TileFilter::All)?,
+            ledger: Ledger::of(snapshot.read(TileFilter::All)?),
             sightings: snapshot.read(TileFilter::All)?,
             footprints: snapshot.read(TileFilter::All)?,
             records: snapshot.read(TileFilter::All)?,
@@ -78,13 +80,7 @@ impl Refold {
             meter: &Meter::default(),
             progress: &Silent,
         };
-        let rows_of = |tiles: &BTreeSet<TileId>| {
-            let of = self
-                .rows
-                .iter()
-                .filter(|row| tiles.contains(&TileId(row.tile)));
-            Ok(of.cloned().collect())
-        };
+        let rows_of = |tiles: &BTreeSet<TileId>| Ok(self.ledger.clone().within(tiles));
         let layers = reduce.layers(&owners(self.map.elements()), rows_of)?;
         Ok(layers.into_iter().flat_map(|layer| layer.records).collect())
     }
@@ -102,7 +98,8 @@ impl Refold {
     pub fn of_one(&self, model: FusionModel, vehicle: i64) -> Vec<ChangeRecord> {
         let fold = Fold::of_one(model, self.sensor.clone());
         let mut by_element: BTreeMap<i64, Vec<&EvidenceRow>> = BTreeMap::new();
-        for row in self.rows.iter().filter(|row| row.vehicle == vehicle) {
+        let rows = self.ledger.rows().iter();
+        for row in rows.filter(|row| row.vehicle == vehicle) {
             by_element.entry(row.element).or_default().push(row);
         }
         let exposed = self.map.elements().iter().filter_map(|element| {

@@ -70,6 +70,7 @@ fn claim(verdict: Verdict, from_m: f64, to_m: f64) -> ChangeRecord {
         p_removed: p(Verdict::Removed),
         p_modified: p(Verdict::Modified),
         log_odds: 4.6,
+        evidence_fx: 0,
         vehicles: 9,
         passes: 9,
         exposed: 100,
