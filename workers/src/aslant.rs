@@ -215,3 +215,53 @@ fn unit([x, y]: [f64; 2]) -> Option<[f64; 2]> {
     let length = x.hypot(y);
     (length > 1e-6).then(|| [x / length, y / length])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line seen across the way, 6 m ahead, and a map line `ahead_m` further on, of `from_m..to_m`.
+    fn rival(line: usize, ahead_m: f64, from_m: f64, to_m: f64) -> Rival {
+        let places: [Place; PLACES] = std::array::from_fn(|place| Place {
+            at: [6.0, place as f64 - 3.5],
+            along: [0.0, 1.0],
+        });
+        let segment = NearSegment {
+            line,
+            from: [6.0 + ahead_m, from_m],
+            to: [6.0 + ahead_m, to_m],
+            from_station_m: 0.0,
+        };
+        Rival {
+            line,
+            distances_m: places.map(|p| distance_m(&p, &segment).unwrap_or(f64::INFINITY)),
+        }
+    }
+
+    #[test]
+    fn what_lies_nearer_and_longer_beside_gains_more() {
+        let near = rival(0, 0.2, -4.0, 4.0);
+        assert!((near.share() - 1.0).abs() < 1e-12);
+        assert!(near.gain() > rival(1, 0.8, -4.0, 4.0).gain());
+        assert!(near.gain() > rival(1, 0.2, -4.0, 0.0).gain());
+        assert_eq!(rival(1, GATE_M + 0.1, -4.0, 4.0).share(), 0.0);
+    }
+
+    #[test]
+    fn what_goes_on_where_another_ends_does_not_meet_it() {
+        let (first, second) = (rival(0, 0.0, -4.0, -0.3), rival(1, 0.0, 0.3, 4.0));
+        assert!(!first.meets(&second) && first.meets(&rival(2, 0.5, -4.0, 4.0)));
+    }
+
+    #[test]
+    fn a_line_along_the_way_is_not_aslant() {
+        let line = |to| SeenLine {
+            detection: 0,
+            marking: tilefold_schemas::Marking::Unknown,
+            color: tilefold_schemas::Color::Unknown,
+            points_m: vec![[4.0, 0.0], to],
+        };
+        assert!(!runs_aslant(&line([14.0, 3.0])));
+        assert!(runs_aslant(&line([14.0, 4.0])) && runs_aslant(&line([4.5, 5.0])));
+    }
+}
