@@ -136,7 +136,8 @@ impl MatchingTruth {
         let frames = self.channels.entry(channel).or_default();
         let frame = frames.entry(stamp_ns).or_default();
         let parts = frame.entry(detection).or_default();
-        if parts.iter().any(|known| known.element == element) {
+        let is_whole = record.len() == NEEDED && !parts.is_empty();
+        if is_whole || parts.iter().any(|known| known.element == element) {
             return Err("it says an element of a detection for the second time".to_owned());
         }
         parts.push(Part { element, shares });
