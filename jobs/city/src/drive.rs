@@ -12,6 +12,7 @@ use tilefold_formats::log_write::{Dialect, Entry, LogWriteError, LogWriter};
 
 use crate::city::City;
 use crate::course::Course;
+use crate::detector::Part;
 use crate::error::CityError;
 use crate::random::Random;
 use crate::route::{Routes, STEP_M};
@@ -43,12 +44,12 @@ pub(crate) struct Written<W> {
     pub(crate) frames: String,
 }
 
-/// Of which element a detection is.
+/// Of which element a stretch of a detection is.
 pub(crate) struct Match {
     pub(crate) stamp_ns: i64,
     /// Which of its frame's detections, counted from 0.
     pub(crate) detection: usize,
-    pub(crate) element: Option<i64>,
+    pub(crate) part: Part,
 }
 
 impl Drive<'_> {

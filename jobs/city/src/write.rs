@@ -25,7 +25,7 @@ use crate::world::{Paint, World};
 /// Drives per thread whose tables wait to be written.
 const DRIVES_AT_ONCE: usize = 8;
 /// The matching truth's columns.
-const MATCHING_HEADER: &str = "vehicle,topic,stamp_ns,detection,element_id\n";
+const MATCHING_HEADER: &str = "vehicle,topic,stamp_ns,detection,element_id,from_share,to_share\n";
 
 /// Where a city's files are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -203,14 +203,15 @@ fn table(vehicle: &str, matches: &[Match]) -> String {
     for Match {
         stamp_ns,
         detection,
-        element,
+        part,
     } in matches
     {
-        let element = element.map_or_else(String::new, |id| id.to_string());
+        let [from, to] = part.shares;
+        let element = part.element.map_or_else(String::new, |id| id.to_string());
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "{vehicle},{DETECTIONS_TOPIC},{stamp_ns},{detection},{element}"
+            "{vehicle},{DETECTIONS_TOPIC},{stamp_ns},{detection},{element},{from:.3},{to:.3}"
         );
     }
     text

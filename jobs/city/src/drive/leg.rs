@@ -270,11 +270,13 @@ impl<'a> Leg<'a> {
             let around = self.traffic.at(seconds - late_s);
             let seen = detector.look(&motion, &around, stamp_ns, clock.period_s());
             if city.spec.matching_truth {
-                matches.extend(seen.iter().enumerate().map(|(detection, seen)| Match {
-                    stamp_ns,
-                    detection,
-                    element: seen.element,
-                }));
+                for (detection, seen) in seen.iter().enumerate() {
+                    matches.extend(seen.parts.iter().map(|&part| Match {
+                        stamp_ns,
+                        detection,
+                        part,
+                    }));
+                }
             }
             let payload = Payload::Detections(DetectionFrame {
                 space: DetectionSpace::Metres,
