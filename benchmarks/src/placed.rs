@@ -134,7 +134,8 @@ impl Tables {
                     .min_by(|a, b| a.abs().total_cmp(&b.abs()))
                     .map_or_else(String::new, |nearest| format!("{nearest:.3}"))
             };
-            let pair = frame.matches.pairs.iter().find(|pair| pair.seen == index);
+            let mut pairs = frame.matches.pairs.iter();
+            let pair = pairs.find(|pair| pair.seen == index && pair.is_main);
             let matched = pair.map_or_else(
                 || ",,".to_owned(),
                 |pair| {

@@ -3,11 +3,13 @@
 //! `change_type`, `kind` and, where they know it, `from_m`, `to_m`, `detail` and `since`.
 
 mod read;
+mod regions;
 mod write;
 
 use tilefold_schemas::{ElementKind, Verdict};
 
 pub use read::{MAX_CHANGES_BYTES, read_changes, read_changes_file};
+pub use regions::write_regions;
 pub use write::write_changes;
 pub(crate) use write::{closed_ring, utc};
 

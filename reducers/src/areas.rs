@@ -498,7 +498,7 @@ mod tests {
         }
     }
 
-    fn judged(rows: &[EvidenceRow]) -> ChangeRecord {
+    fn judged(rows: &[EvidenceRow]) -> tilefold_schemas::ChangeRecord {
         let rows: Vec<&EvidenceRow> = rows.iter().collect();
         let fold = Fold::of_fleet(FusionModel::Calibrated, SensorModel::default());
         explain(&arrow(), &rows, &fold).record

@@ -23,6 +23,8 @@ pub mod moved;
 pub mod paper;
 pub mod passes;
 pub mod reduce_tile;
+pub mod regions;
+pub mod sections;
 pub mod sensor;
 pub mod space;
 pub mod stale;

@@ -37,13 +37,12 @@ pub(crate) fn retype(
 ) -> Vec<Weight> {
     let votes = votes(sections);
     let counts = counts(&votes);
-    let Some(p_retyped) = p_retyped(mapped, &counts, sensor) else {
+    let Some([p_same, p_retyped]) = p_retyped(mapped, &counts, sensor) else {
         return Vec::new();
     };
     for section in judged {
-        let moved = section.posterior[0] * p_retyped;
-        let modified = section.posterior[3] + moved;
-        section.posterior[0] -= moved;
+        let modified = section.posterior[3] + section.posterior[0] * p_retyped;
+        section.posterior[0] *= p_same;
         // What is only repainted is not shifted.
         let shifted = section.posterior[3] / modified.max(f64::MIN_POSITIVE);
         section.posterior[3] = modified;
@@ -153,8 +152,12 @@ pub(crate) fn agreement(mapped: Marking, sections: &[Vec<Pass>]) -> (f64, f64) {
     }
 }
 
-/// Posterior of any other marking than the map's; none if the map says none.
-fn p_retyped(mapped: Marking, votes: &BTreeMap<i16, i64>, sensor: &SensorModel) -> Option<f64> {
+/// Posterior of the map's marking, and of any other; none if the map says none.
+fn p_retyped(
+    mapped: Marking,
+    votes: &BTreeMap<i16, i64>,
+    sensor: &SensorModel,
+) -> Option<[f64; 2]> {
     let mapped = one_kind(mapped);
     if !KINDS.contains(&mapped) {
         return None;
@@ -177,7 +180,8 @@ fn p_retyped(mapped: Marking, votes: &BTreeMap<i16, i64>, sensor: &SensorModel) 
             false => other += PRIOR_RETYPED / others * likelihood,
         }
     }
-    Some(other / (same + other))
+    let both = same + other;
+    Some([same / both, other / both])
 }
 
 #[cfg(test)]
@@ -189,7 +193,7 @@ mod tests {
         let sensor = SensorModel::default();
         let p = |count| {
             let votes = BTreeMap::from([(Marking::Dashed.code(), count)]);
-            p_retyped(Marking::Solid, &votes, &sensor).unwrap_or(0.0)
+            p_retyped(Marking::Solid, &votes, &sensor).map_or(0.0, |[_, p_retyped]| p_retyped)
         };
         // One vote for dashed: odds 0.005 / 4 * 0.8 to 0.995 * 0.05, and three unlikely others.
         let by_hand = 0.005 / 4.0 * (0.8 + 3.0 * 0.05);

@@ -1,12 +1,11 @@
 //! The reduce stage of one tile. This file only joins its siblings.
 
-use std::collections::BTreeMap;
-
 use tilefold_schemas::{ChangeRecord, EvidenceRow};
 use tilefold_tiler::map_index::MappedElement;
 
 use crate::elements;
 use crate::fold::Fold;
+use crate::sections::SectionIndex;
 
 /// All that is known of the elements of one tile.
 #[derive(Debug, Clone, Default)]
@@ -20,14 +19,17 @@ pub struct TileInput<'a> {
 /// The change records of a tile's elements: one or more an element.
 #[must_use]
 pub fn reduce_tile(input: &TileInput<'_>, fold: &Fold) -> Vec<ChangeRecord> {
-    let mut rows: BTreeMap<i64, Vec<&EvidenceRow>> = BTreeMap::new();
+    let ids = input.elements.iter().map(|mapped| mapped.element.id.0);
+    let index = SectionIndex::new(ids.map(|id| (id, 1)));
+    let mut rows: Vec<Vec<&EvidenceRow>> = vec![Vec::new(); index.len()];
     for row in &input.rows {
-        rows.entry(row.element).or_default().push(row);
+        // Rows of elements that are no longer in the map say nothing.
+        if let Some(place) = index.first(row.element) {
+            rows[place as usize].push(row);
+        }
     }
-    let of = |element: &MappedElement| rows.get(&element.element.id.0).map_or(&[][..], |rows| rows);
-    input
-        .elements
-        .iter()
-        .flat_map(|element| elements::judge(element, of(element), fold))
+    let elements = input.elements.iter().zip(&rows);
+    elements
+        .flat_map(|(mapped, rows)| elements::judge(mapped, rows, fold))
         .collect()
 }

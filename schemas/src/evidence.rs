@@ -4,7 +4,7 @@
 use crate::table;
 
 /// Version of the map stage's method. Rows of different versions are never added up.
-pub const METHOD_VERSION: i32 = 3;
+pub const METHOD_VERSION: i32 = 4;
 
 /// The same method without registration: what poses alone are worth.
 pub const UNREGISTERED_METHOD: i32 = METHOD_VERSION + 1_000;
@@ -183,7 +183,7 @@ table! {
         pub model: i64,
         /// Channel name.
         pub topic: String,
-        /// Log it was first read from. Not part of any digest.
+        /// Logs it was made from, context included, one a line, ascending. Not part of any digest.
         pub log: String,
         /// Messages that the map stage was given, context included.
         pub messages: i32,
@@ -197,5 +197,20 @@ table! {
         pub first_ns: i64,
         /// Last frame.
         pub last_ns: i64,
+        /// First capture time of what it was made from, context included; latched messages aside.
+        pub given_from_ns: i64,
+        /// Last capture time of it.
+        pub given_to_ns: i64,
+        /// The piece of the map that the chunk was confronted with: westernmost longitude.
+        pub xmin: f64,
+        /// Southernmost latitude.
+        pub ymin: f64,
+        /// Easternmost longitude.
+        pub xmax: f64,
+        /// Northernmost latitude.
+        pub ymax: f64,
+        /// Digest of the map elements in that piece. 0: the base map has changed there since, and the
+        /// chunk is mapped again as soon as its logs are given again.
+        pub map: i64,
     }
 }

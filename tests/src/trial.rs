@@ -7,7 +7,10 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use tilefold_city::{CityFiles, CitySpec, Site};
-use tilefold_engine::{FusionModel, InitOptions, RunReport, Silent, init, run};
+use tilefold_engine::{
+    EngineError, Forget, FusionModel, InitOptions, RebaseReport, RetractReport, RunReport, Silent,
+    init, rebase, retract, run,
+};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting};
 use tilefold_store::{Store, StoredTable, TileFilter};
@@ -26,11 +29,20 @@ impl Trial {
     /// It cannot be made.
     #[must_use]
     pub fn new(map: &Path) -> Self {
+        Self::with_salt(map, None)
+    }
+
+    /// A new store of the map whose vehicle keys do not depend on the map.
+    ///
+    /// # Panics
+    /// It cannot be made.
+    #[must_use]
+    pub fn with_salt(map: &Path, salt: Option<[u8; 32]>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = folder.path().join("store");
         let options = InitOptions {
             tile_level: 15,
-            salt: None,
+            salt,
         };
         init(&store, &[map.to_owned()], &options).unwrap();
         Self {
@@ -39,12 +51,55 @@ impl Trial {
         }
     }
 
+    /// A store that is there, and the folder that goes with it in the end.
+    #[must_use]
+    pub fn of(folder: TempDir, store: PathBuf) -> Self {
+        Self {
+            _folder: folder,
+            store,
+        }
+    }
+
+    /// A copy of a store, made by `copy`.
+    ///
+    /// # Panics
+    /// It cannot be made.
+    #[must_use]
+    pub fn copy_of(other: &Self, copy: impl Fn(&Path, &Path)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let store = folder.path().join("store");
+        copy(&other.store, &store);
+        Self::of(folder, store)
+    }
+
     /// Runs a job over `logs`.
     ///
     /// # Panics
     /// It fails.
     pub fn run(&self, logs: &[PathBuf]) -> RunReport {
         run(&self.store, logs, FusionModel::default(), &Silent).unwrap()
+    }
+
+    /// Where the store is.
+    #[must_use]
+    pub fn store(&self) -> &Path {
+        &self.store
+    }
+
+    /// Takes evidence out.
+    ///
+    /// # Errors
+    /// As [`retract()`].
+    pub fn retract(&self, forget: &Forget) -> Result<RetractReport, EngineError> {
+        retract(&self.store, forget, &Silent)
+    }
+
+    /// Lays another map under the store.
+    ///
+    /// # Panics
+    /// It fails.
+    pub fn rebase(&self, map: &Path) -> RebaseReport {
+        rebase(&self.store, &[map.to_owned()], &Silent).unwrap()
     }
 
     /// What the latest version holds.
@@ -150,6 +205,26 @@ pub fn small_city(into: &Path) -> CityFiles {
         drives: 7,
         drive_km: 0.6,
         days: 4,
+        ..CitySpec::default()
+    };
+    tilefold_city::write(&spec, into).unwrap()
+}
+
+/// The same, but four drives of a few chunks by three vehicles, past many changes: for tests that run
+/// hundreds of jobs.
+///
+/// # Panics
+/// It cannot be written.
+#[must_use]
+pub fn tiny_city(into: &Path) -> CityFiles {
+    let spec = CitySpec {
+        seed: 11,
+        site: Site::Drawn { km: 1.0 },
+        vehicles: 3,
+        drives: 4,
+        drive_km: 0.25,
+        days: 3,
+        change_share: 0.2,
         ..CitySpec::default()
     };
     tilefold_city::write(&spec, into).unwrap()

@@ -2,6 +2,7 @@
 
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
+use tilefold_schemas::id::first_i64;
 use tilefold_schemas::{ContentHash, Element, TileId};
 
 use crate::station::Polyline;
@@ -83,6 +84,20 @@ impl MapIndex {
             .collect();
         found.sort_unstable();
         found.iter().map(|&index| &self.elements[index]).collect()
+    }
+
+    /// Digest of what [`MapIndex::within`] finds: ids and contents. Never 0.
+    #[must_use]
+    pub fn digest_within(&self, low: [f64; 2], high: [f64; 2]) -> i64 {
+        let mut hasher = blake3::Hasher::new();
+        for mapped in self.within(low, high) {
+            hasher.update(&mapped.element.id.0.to_le_bytes());
+            hasher.update(&mapped.content.0.to_le_bytes());
+        }
+        match first_i64(&hasher.finalize()) {
+            0 => 1,
+            digest => digest,
+        }
     }
 }
 

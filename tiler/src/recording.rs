@@ -70,6 +70,8 @@ impl Recording {
             Payload::Gnss(fix) => push!(fixes, fix),
             Payload::Imu(imu) => push!(imu, imu),
             Payload::Odometry(odometry) => push!(odometry, odometry),
+            // What drifts from where it began says nothing of east.
+            Payload::Pose(_) if is_odometry(&frame_id) => {}
             Payload::Pose(pose) => push!(
                 imu,
                 Imu {
@@ -116,6 +118,20 @@ impl Recording {
         }
     }
 
+    /// First and last capture time of a settled recording; what is latched has none of its own.
+    #[must_use]
+    pub fn span_ns(&self) -> Option<(i64, i64)> {
+        let ends = [
+            span(&self.fixes),
+            span(&self.imu),
+            span(&self.odometry),
+            span(&self.detections),
+            span(&self.vehicles),
+        ];
+        let ends = ends.into_iter().flatten();
+        ends.reduce(|(from, to), (first, last)| (from.min(first), to.max(last)))
+    }
+
     /// Digest of all messages: capture times and payloads, nothing of the files they came in.
     #[must_use]
     pub fn digest(&self) -> i64 {
@@ -132,6 +148,15 @@ impl Recording {
         }
         tilefold_schemas::id::first_i64(&hasher.finalize())
     }
+}
+
+fn span<T>(series: &[Stamped<T>]) -> Option<(i64, i64)> {
+    Some((series.first()?.stamp_ns, series.last()?.stamp_ns))
+}
+
+/// Whether a frame is the odometry frame of REP 105, under whatever prefix.
+fn is_odometry(frame_id: &str) -> bool {
+    frame_id.rsplit('/').next() == Some("odom")
 }
 
 fn settle<T>(series: &mut Series<T>) -> u64 {
@@ -165,5 +190,32 @@ fn feed<T>(hasher: &mut blake3::Hasher, name: &[u8], series: &[Stamped<T>]) {
     for entry in series {
         hasher.update(&entry.stamp_ns.to_le_bytes());
         hasher.update(&entry.digest.to_le_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tilefold_schemas::log::FramePose;
+
+    #[test]
+    fn poses_point_east_of_something_unless_they_drift() {
+        let headings = |frame: &str| {
+            let mut recording = Recording::default();
+            recording.push(LogMessage {
+                topic: 0,
+                stamp_ns: 0,
+                log_time_ns: 0,
+                frame_id: frame.to_owned(),
+                payload: Payload::Pose(FramePose {
+                    position_m: [0.0; 3],
+                    orientation: [0.0, 0.0, 0.0, 1.0],
+                }),
+                digest: 0,
+            });
+            recording.imu.len()
+        };
+        assert_eq!(["enu", "map", ""].map(headings), [1; 3]);
+        assert_eq!(["odom", "/odom", "car_3/odom"].map(headings), [0; 3]);
     }
 }

@@ -52,6 +52,13 @@ pub struct Glimpse<'a> {
     pub hidden: &'a Hidden<'a>,
 }
 
+impl Glimpse<'_> {
+    /// Whether its registration is sure enough to say anything.
+    fn is_sure(&self) -> bool {
+        self.registration.confidence >= MIN_CONFIDENCE
+    }
+}
+
 /// What a chunk is, wherever it is said.
 #[derive(Debug, Clone, Copy)]
 pub struct Whose<'a> {
@@ -76,6 +83,29 @@ pub struct AreaEvidence {
     pub footprints: Vec<Footprint>,
 }
 
+/// The areas that were passed: which is which, and how far along its way the vehicle really was.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Passed {
+    /// By glimpse; none where the registration is not sure.
+    pairs: Vec<Vec<Pair>>,
+    /// The error along the way.
+    pub drift: Drift,
+}
+
+impl Passed {
+    /// Pairs what was seen in each glimpse (capture order, context included) with `mapped`.
+    #[must_use]
+    pub fn new(mapped: &[LocalArea<'_>], glimpses: &[Glimpse<'_>]) -> Self {
+        let pairs_of = |glimpse: &Glimpse<'_>| match glimpse.is_sure() {
+            true => pair_areas(glimpse, mapped),
+            false => Vec::new(),
+        };
+        let pairs: Vec<Vec<Pair>> = glimpses.iter().map(pairs_of).collect();
+        let drift = Drift::measure(glimpses, &pairs);
+        Self { pairs, drift }
+    }
+}
+
 /// Confronts what was seen with `mapped`; glimpses are in capture order, context included. Nothing
 /// is said where nothing of the kind was ever seen.
 ///
@@ -85,28 +115,22 @@ pub fn confront(
     whose: Whose<'_>,
     mapped: &[LocalArea<'_>],
     glimpses: &[Glimpse<'_>],
+    Passed { pairs, drift }: &Passed,
 ) -> Result<AreaEvidence, TileError> {
     let Some(zone) = AreaZone::learn(glimpses.iter().flat_map(|glimpse| glimpse.areas)) else {
         return Ok(AreaEvidence::default());
     };
-    let is_sure = |glimpse: &&Glimpse<'_>| glimpse.registration.confidence >= MIN_CONFIDENCE;
-    let sure: Vec<&Glimpse<'_>> = glimpses.iter().filter(is_sure).collect();
-    let pairs: Vec<Vec<Pair>> = sure
-        .iter()
-        .map(|glimpse| pair_areas(glimpse, mapped))
-        .collect();
-    let drift = Drift::measure(&sure, &pairs);
-    let mut ledger = AreaLedger::new(whose.chunk, mapped, &zone, &drift);
+    let mut ledger = AreaLedger::new(whose.chunk, mapped, &zone, drift);
     let mut sightings = AreaSightings::default();
     let mut footprints = AreaFootprints::default();
-    for (glimpse, pairs) in sure.iter().zip(&pairs) {
-        if !glimpse.is_own {
+    for (glimpse, pairs) in glimpses.iter().zip(pairs) {
+        if !glimpse.is_own || !glimpse.is_sure() {
             continue;
         }
         ledger.add(glimpse, pairs);
         if glimpse.is_anchored {
-            sightings.add(glimpse, pairs, mapped, &drift);
-            footprints.add(glimpse, &drift);
+            sightings.add(glimpse, pairs, mapped, drift);
+            footprints.add(glimpse, drift);
         }
     }
     Ok(AreaEvidence {

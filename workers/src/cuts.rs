@@ -17,7 +17,7 @@ pub const RANGES_M: [f64; 14] = [
 const SIDE_M: f64 = 12.0;
 /// Lines that cross the vehicle's direction more steeply are not lines along it (tangent of 20
 /// degrees).
-const MAX_SLOPE: f64 = 0.364;
+pub(crate) const MAX_SLOPE: f64 = 0.364;
 
 /// A line crossing one range ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +35,8 @@ pub struct Cut {
 pub struct CutLine {
     /// Index of the line: into the local map's lines, or the look's.
     pub line: usize,
+    /// From where to where ahead it runs along the vehicle's direction, in metres.
+    pub ahead_m: [f64; 2],
     /// Where it crosses the ranges.
     pub cuts: Vec<Cut>,
 }
@@ -45,6 +47,14 @@ impl CutLine {
     pub fn lateral_m(&self) -> f64 {
         let sum: f64 = self.cuts.iter().map(|cut| cut.lateral_m).sum();
         sum / self.cuts.len() as f64
+    }
+
+    /// How long it runs beside another that is moved ahead by `along_m`, in metres.
+    #[must_use]
+    pub fn beside_m(&self, other: &Self, along_m: f64) -> f64 {
+        let from_m = self.ahead_m[0].max(other.ahead_m[0] + along_m);
+        let to_m = self.ahead_m[1].min(other.ahead_m[1] + along_m);
+        (to_m - from_m).max(0.0)
     }
 }
 
@@ -80,7 +90,12 @@ pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
                 station_m: 0.0,
             }));
         }
-        (!cuts.is_empty()).then_some(CutLine { line, cuts })
+        let ahead_m = [seen.points_m.first()?[0], seen.points_m.last()?[0]];
+        (!cuts.is_empty()).then_some(CutLine {
+            line,
+            ahead_m,
+            cuts,
+        })
     };
     lines.iter().enumerate().filter_map(cut_line).collect()
 }
@@ -96,34 +111,18 @@ pub fn cut_map(pose: &Pose, map: &LocalMap<'_>, near: &mut Near) -> Vec<CutLine>
         let Some(ahead) = Ahead::new(pose, axes, segment) else {
             continue;
         };
-        for range in ahead.ranges.clone() {
-            let range_m = RANGES_M[range];
-            let Some((lateral_m, station_m)) = ahead.cut(range_m) else {
-                continue;
-            };
-            let cut = Cut {
-                range,
-                lateral_m,
-                station_m,
-            };
-            match lines.last_mut() {
-                Some(last) if last.line == segment.line => {
-                    // A line that turns back is cut once, where it is reached first.
-                    if last.cuts.iter().all(|known| known.range != range) {
-                        last.cuts.push(cut);
-                    }
-                }
-                _ => {
-                    let mut cuts = Vec::with_capacity(RANGES_M.len());
-                    cuts.push(cut);
-                    lines.push(CutLine {
-                        line: segment.line,
-                        cuts,
-                    });
-                }
-            }
+        if lines.last().is_none_or(|last| last.line != segment.line) {
+            lines.push(CutLine {
+                line: segment.line,
+                ahead_m: ahead.span_m,
+                cuts: Vec::with_capacity(RANGES_M.len()),
+            });
+        }
+        if let Some(line) = lines.last_mut() {
+            ahead.add_to(line);
         }
     }
+    lines.retain(|line| !line.cuts.is_empty());
     for line in &mut lines {
         line.cuts.sort_by_key(|cut| cut.range);
     }
@@ -155,15 +154,16 @@ fn box_ahead(pose: &Pose) -> ([f64; 2], [f64; 2]) {
 struct Ahead {
     from: [f64; 2],
     slope: f64,
-    /// The ranges between its ends.
+    /// From where to where ahead, and the ranges between.
+    span_m: [f64; 2],
     ranges: std::ops::Range<usize>,
     station_per_range: f64,
     from_station_m: f64,
 }
 
 impl Ahead {
-    /// The segment from a pose whose yaw has these sine and cosine; none if it crosses no range or
-    /// does not run along the vehicle's direction.
+    /// The segment from a pose whose yaw has these sine and cosine; none if it does not run along the
+    /// vehicle's direction.
     fn new(pose: &Pose, (sin, cos): (f64, f64), segment: &NearSegment) -> Option<Self> {
         let vehicle_from_local = |[east, north]: [f64; 2]| {
             let (dx, dy) = (east - pose.east_m, north - pose.north_m);
@@ -177,13 +177,32 @@ impl Ahead {
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
         let slope = dy / dx;
         // A segment square to the vehicle has an infinite or undefined slope: refused here.
-        (!ranges.is_empty() && slope.abs() <= MAX_SLOPE).then(|| Self {
+        (slope.abs() <= MAX_SLOPE).then(|| Self {
             from,
             slope,
+            span_m: [near_m, far_m],
             ranges,
             station_per_range: dx.hypot(dy) / dx,
             from_station_m: segment.from_station_m,
         })
+    }
+
+    /// Adds the segment to the line that it is of.
+    fn add_to(&self, line: &mut CutLine) {
+        line.ahead_m = [
+            line.ahead_m[0].min(self.span_m[0]),
+            line.ahead_m[1].max(self.span_m[1]),
+        ];
+        for range in self.ranges.clone() {
+            // A line that turns back is cut once, where it is reached first.
+            let is_new = line.cuts.iter().all(|known| known.range != range);
+            let cut = is_new.then(|| self.cut(RANGES_M[range])).flatten();
+            line.cuts.extend(cut.map(|(lateral_m, station_m)| Cut {
+                range,
+                lateral_m,
+                station_m,
+            }));
+        }
     }
 
     /// Lateral position and station at a range between its ends; none too far to the side.
@@ -206,8 +225,6 @@ pub struct Against {
     pub mean_square_m2: f64,
     /// Difference of their slopes (tangent), 0 with fewer than two common cuts.
     pub slope: f64,
-    /// From the first to the last common cut, in metres.
-    pub extent_m: f64,
 }
 
 impl Against {
@@ -216,7 +233,6 @@ impl Against {
     pub fn new(seen: &CutLine, mapped: &CutLine) -> Option<Self> {
         let (mut n, mut sum, mut square, mut sum_x, mut sum_xx, mut sum_xy) =
             (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let (mut first_m, mut last_m) = (f64::INFINITY, 0.0);
         let mut others = mapped.cuts.iter().peekable();
         for cut in &seen.cuts {
             while others.next_if(|other| other.range < cut.range).is_some() {}
@@ -225,8 +241,6 @@ impl Against {
             };
             let offset = cut.lateral_m - other.lateral_m;
             let x = RANGES_M[cut.range];
-            first_m = x.min(first_m);
-            last_m = x;
             n += 1.0;
             sum += offset;
             square += offset * offset;
@@ -243,7 +257,6 @@ impl Against {
             } else {
                 0.0
             },
-            extent_m: last_m - first_m,
         })
     }
 }

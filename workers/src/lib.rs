@@ -4,11 +4,12 @@
 //! modules: [`pose`] and [`frames`] place the vehicle; [`lens`], [`camera`], [`pixels`], [`surface`] and
 //! [`look`] bring what was seen into metres, [`clock`] brings
 //! the two clocks together, [`mounting`] says where the camera really is; [`local_map`] and [`cuts`] lay it beside the map, [`register`] and [`scale`] take out
-//! the errors of position and mounting, [`matching`] says which line is which, [`visibility`] what could be seen ([`hidden`]: what could not), and
+//! the errors of position and mounting, [`matching`] says which line is which ([`aslant`]: those that run across), [`visibility`] what could be seen ([`hidden`]: what could not), and
 //! [`testify`], [`sight`] and [`footprint`] write it down; [`areas`] does the same for stop lines, crosswalks and
 //! ground signs. [`map_chunk()`] joins them; [`trace`] is for onlookers.
 
 pub mod areas;
+pub mod aslant;
 mod banded;
 pub mod camera;
 pub mod clock;

@@ -4,13 +4,14 @@ use tilefold_schemas::{EvidenceRow, Footprint, SetAside, SetAsideKind, Sighting}
 use tilefold_tiler::chunk::Chunk;
 use tilefold_tiler::map_index::MapIndex;
 
-use crate::areas::{self, AreaEvidence, Glimpse, Whose};
+use crate::areas::{self, AreaEvidence, Glimpse, Passed, Whose};
+use crate::aslant::match_aslant;
 use crate::clock;
 use crate::cuts::{CrossCut, cut_seen};
 use crate::footprint::Footprints;
 use crate::frames::FrameTree;
 use crate::hidden::{Hidden, Traffic};
-use crate::local_map::{LocalMap, Near};
+use crate::local_map::{LocalMap, Near, degrees_around};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::mounting::{self, Mounting};
@@ -48,6 +49,8 @@ pub struct Evidence {
     pub footprints: Vec<Footprint>,
     /// Frames of the chunk's own window.
     pub frames: u64,
+    /// South-west and north-east corner of the piece of the map that could have an effect, in degrees.
+    pub confronted: ([f64; 2], [f64; 2]),
     /// What was found out about the camera's mounting, if detections are in pixels.
     pub mounting: Option<Mounting>,
     /// What poses had to do without, and what was done instead.
@@ -113,6 +116,7 @@ pub fn map_chunk_traced(
             (&without_place_ns, &no_place),
         ),
         mounting: refined.as_ref().map(|(_, mounting)| *mounting),
+        confronted: degrees_around(&local_frame, trajectory.places(), MAP_REACH_M),
         without: trajectory.sources.fallbacks().collect(),
         ..Evidence::default()
     };
@@ -154,28 +158,48 @@ pub fn map_chunk_traced(
     let mut footprints = Footprints::default();
     let ways_m = ways_m(&looks);
     let seen_areas = areas::seen::collect(recording, &tree, casting, factor);
-    let mut glimpses: Vec<Glimpse<'_>> = Vec::with_capacity(looks.len());
     let (from_ns, to_ns) = chunk.bounds_ns();
+    let glimpse = |(index, look): (usize, _)| Glimpse {
+        look,
+        registration: registrations[index],
+        way_m: ways_m[index],
+        is_own: (from_ns..to_ns).contains(&look.pose.stamp_ns),
+        is_anchored: false,
+        hidden: &hidden[index],
+        areas: seen_areas
+            .get(&look.pose.stamp_ns)
+            .map_or(&[][..], Vec::as_slice),
+    };
+    let mut glimpses: Vec<Glimpse<'_>> = looks.iter().enumerate().map(glimpse).collect();
+    let places = looks
+        .iter()
+        .map(|look| [look.pose.east_m, look.pose.north_m]);
+    let (low, high) = degrees_around(&local_frame, places.clone(), MAP_REACH_M);
+    let (west_south, east_north) = evidence.confronted;
+    evidence.confronted = (
+        [0, 1].map(|axis| west_south[axis].min(low[axis])),
+        [0, 1].map(|axis| east_north[axis].max(high[axis])),
+    );
+    let mapped_areas = areas::mapped::around(&context.map, &local_frame, places, MAP_REACH_M);
+    let passed = Passed::new(&mapped_areas, &glimpses);
+    let mut near = Near::default();
     for (index, look) in looks.iter().enumerate() {
-        glimpses.push(Glimpse {
-            look,
-            registration: registrations[index],
-            way_m: ways_m[index],
-            is_own: (from_ns..to_ns).contains(&look.pose.stamp_ns),
-            is_anchored: false,
-            hidden: &hidden[index],
-            areas: seen_areas
-                .get(&look.pose.stamp_ns)
-                .map_or(&[][..], Vec::as_slice),
-        });
-        if !(from_ns..to_ns).contains(&look.pose.stamp_ns) {
+        if !glimpses[index].is_own {
             continue;
         }
-        let matches = match_lines(&cross_cuts[index], registrations[index].offset_m);
+        let (cross_cut, registration) = (&cross_cuts[index], registrations[index]);
+        let ahead_m = match context.registering {
+            Registering::On => passed.drift.at(look.pose.stamp_ns, None).offset_m,
+            Registering::Off => 0.0,
+        };
+        let matches = match_lines(cross_cut, registration.offset_m, ahead_m);
+        let moved_m = [ahead_m, registration.offset_m];
         let frame = Frame {
             look,
-            cross_cut: &cross_cuts[index],
-            registration: registrations[index],
+            cross_cut,
+            registration,
+            ahead_m,
+            aslant: &match_aslant(look, (cross_cut, &matches), moved_m, &map, &mut near),
             matches: &matches,
             hidden: &hidden[index],
         };
@@ -203,11 +227,8 @@ pub fn map_chunk_traced(
         tile_level: level,
         first_track: evidence.sightings.len() as i32,
     };
-    let places = looks
-        .iter()
-        .map(|look| [look.pose.east_m, look.pose.north_m]);
-    let mapped_areas = areas::mapped::around(&context.map, &local_frame, places, MAP_REACH_M);
-    evidence.add_areas(areas::confront(whose, &mapped_areas, &glimpses).unwrap_or_default());
+    let of_areas = areas::confront(whose, &mapped_areas, &glimpses, &passed);
+    evidence.add_areas(of_areas.unwrap_or_default());
     evidence.sign(context.registering.method());
     Ok(evidence)
 }

@@ -39,12 +39,15 @@ pub struct Match {
     pub score: f64,
     /// Whether another map line explains the seen line nearly as well.
     pub is_ambiguous: bool,
+    /// Whether the seen line is longer beside no other map line: a detection that runs over the
+    /// border of two ways is of both, and mainly of one.
+    pub is_main: bool,
 }
 
 /// The assignment of one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Matches {
-    /// Pairs, from right to left.
+    /// Pairs: those of the alignment from right to left, then pieces and parts.
     pub pairs: Vec<Match>,
     /// Whether every seen line and every map line in view found its partner (K_m = K_p).
     pub is_complete: bool,
@@ -60,16 +63,16 @@ struct Candidate {
     beside_m: f64,
 }
 
-/// Matches a frame whose vehicle really was `offset_m` to the left of its pose.
+/// Matches a frame whose vehicle really was `offset_m` to the left of its pose and `along_m` ahead of it.
 #[must_use]
-pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
+pub fn match_lines(cross_cut: &CrossCut, offset_m: f64, along_m: f64) -> Matches {
     let seen = by_lateral(&cross_cut.seen);
     let mapped = by_lateral(&cross_cut.mapped);
     let candidates: Vec<Vec<Option<Candidate>>> = seen
         .iter()
         .map(|&s| {
             let seen = &cross_cut.seen[s];
-            let against = |&m: &usize| candidate(seen, &cross_cut.mapped[m], offset_m);
+            let against = |&m: &usize| candidate(seen, &cross_cut.mapped[m], offset_m, along_m);
             mapped.iter().map(against).collect()
         })
         .collect();
@@ -77,13 +80,20 @@ pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
         let [a, b] = [a, b].map(|column| &cross_cut.mapped[mapped[column]]);
         Against::new(a, b).is_none()
     };
+    let follows = |a: usize, b: usize| {
+        let [a, b] = [a, b].map(|row| &cross_cut.seen[seen[row]]);
+        Against::new(a, b).is_none()
+    };
     let mut assigned = align(&candidates);
     take_longer(&mut assigned, &candidates, goes_on);
     let is_complete = assigned.len() == seen.len() && assigned.len() == mapped.len();
     let weights = if is_complete { COMPLETE } else { INCOMPLETE };
-    let pairs = assigned
-        .into_iter()
-        .filter_map(|(row, column)| {
+    take_pieces(&mut assigned, &candidates, follows);
+    let parts = parts(&assigned, &candidates, goes_on);
+    let mains = assigned.into_iter().map(|pair| (pair, true));
+    let pairs = mains
+        .chain(parts.into_iter().map(|pair| (pair, false)))
+        .filter_map(|((row, column), is_main)| {
             let chosen = candidates[row][column]?;
             let score_of = |candidate: &Candidate| score(candidate, weights);
             let best = score_of(&chosen);
@@ -100,6 +110,7 @@ pub fn match_lines(cross_cut: &CrossCut, offset_m: f64) -> Matches {
                 residual_m: chosen.residual_m,
                 score: best,
                 is_ambiguous: rival >= AMBIGUOUS_SHARE * best,
+                is_main,
             })
         })
         .collect();
@@ -114,7 +125,7 @@ fn by_lateral(lines: &[CutLine]) -> Vec<usize> {
     order
 }
 
-fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidate> {
+fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64, along_m: f64) -> Option<Candidate> {
     let against = Against::new(seen, mapped)?;
     let residual_m = against.offset_m + offset_m;
     // E[(x + o)^2] = E[x^2] + 2 o E[x] + o^2.
@@ -123,7 +134,7 @@ fn candidate(seen: &CutLine, mapped: &CutLine, offset_m: f64) -> Option<Candidat
         residual_m,
         mean_square_m2: mean_square_m2.max(0.0),
         slope: against.slope,
-        beside_m: against.extent_m,
+        beside_m: seen.beside_m(mapped, -along_m),
     })
 }
 
@@ -197,10 +208,60 @@ fn take_longer(
     }
 }
 
+/// What stands before a line cuts it in pieces: a seen line that was left alone is a piece of the map
+/// line that another one, farther on or nearer by, was matched to.
+fn take_pieces(
+    assigned: &mut Vec<(usize, usize)>,
+    candidates: &[Vec<Option<Candidate>>],
+    follows: impl Fn(usize, usize) -> bool,
+) {
+    let residual_m = |row: usize, column: usize| candidates[row][column].map(|c| c.residual_m);
+    for (row, near) in candidates.iter().enumerate() {
+        if assigned.iter().any(|pair| pair.0 == row) {
+            continue;
+        }
+        let is_piece = |&(other, column): &(usize, usize)| {
+            let apart_m = residual_m(row, column).zip(residual_m(other, column));
+            apart_m.is_some_and(|(a, b)| (a - b).abs() <= CONTINUES_M)
+                && assigned
+                    .iter()
+                    .all(|&(r, c)| c != column || follows(row, r))
+        };
+        let beside_m = |column: usize| near[column].map_or(0.0, |c| c.beside_m);
+        let whole = (assigned.iter().copied().filter(is_piece))
+            .max_by(|a, b| beside_m(a.1).total_cmp(&beside_m(b.1)).then(b.cmp(a)));
+        assigned.extend(whole.map(|(_, column)| (row, column)));
+    }
+}
+
+/// Seen lines with the map lines that go on from theirs and were left alone.
+fn parts(
+    assigned: &[(usize, usize)],
+    candidates: &[Vec<Option<Candidate>>],
+    goes_on: impl Fn(usize, usize) -> bool,
+) -> Vec<(usize, usize)> {
+    let mut parts: Vec<(usize, usize)> = Vec::new();
+    for &(row, main) in assigned {
+        let Some(chosen) = candidates[row][main] else {
+            continue;
+        };
+        for (column, candidate) in candidates[row].iter().enumerate() {
+            let is_near = candidate.is_some_and(|candidate| {
+                (candidate.residual_m - chosen.residual_m).abs() <= CONTINUES_M
+            });
+            let mut taken = assigned.iter().chain(&parts);
+            if is_near && goes_on(column, main) && taken.all(|pair| pair.1 != column) {
+                parts.push((row, column));
+            }
+        }
+    }
+    parts
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cuts::Cut;
+    use crate::cuts::{Cut, RANGES_M};
     use proptest::prelude::*;
 
     fn line(line: usize, lateral_m: f64) -> CutLine {
@@ -211,7 +272,11 @@ mod tests {
                 station_m: 0.0,
             })
             .collect();
-        CutLine { line, cuts }
+        CutLine {
+            line,
+            ahead_m: [5.0, 8.0],
+            cuts,
+        }
     }
 
     fn frame(seen: &[f64], mapped: &[f64]) -> CrossCut {
@@ -229,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_complete_frame_scores_by_hand() {
-        let matches = match_lines(&frame(&[1.9, -1.6], &[1.75, -1.75]), -0.05);
+        let matches = match_lines(&frame(&[1.9, -1.6], &[1.75, -1.75]), -0.05, 0.0);
         assert!(matches.is_complete);
         let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
         assert_eq!(found, [(1, 1), (0, 0)]);
@@ -244,7 +309,7 @@ mod tests {
     #[test]
     fn order_is_kept_and_strangers_stay_alone() {
         // The right one of two seen lines belongs to the right map line, though the left is nearer.
-        let matches = match_lines(&frame(&[0.2, 1.2], &[1.0, 5.0]), 0.0);
+        let matches = match_lines(&frame(&[0.2, 1.2], &[1.0, 5.0]), 0.0, 0.0);
         let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
         assert_eq!(found, [(1, 0)]);
         assert!(!matches.is_complete);
@@ -252,7 +317,7 @@ mod tests {
 
     #[test]
     fn halfway_between_two_map_lines_is_ambiguous() {
-        let matches = match_lines(&frame(&[0.0], &[-0.5, 0.5]), 0.0);
+        let matches = match_lines(&frame(&[0.0], &[-0.5, 0.5]), 0.0, 0.0);
         assert_eq!(matches.pairs.len(), 1);
         assert!(matches.pairs[0].is_ambiguous);
     }
@@ -271,7 +336,7 @@ mod tests {
                     (-0.5 * z * z).exp()
                 }).sum()
             };
-            let found: Vec<_> = match_lines(&cross_cut, 0.0)
+            let found: Vec<_> = match_lines(&cross_cut, 0.0, 0.0)
                 .pairs.iter().map(|m| (m.seen, m.mapped)).collect();
             let mut best = 0.0_f64;
             every_ordered(&seen, &mapped, &mut Vec::new(), &mut |pairs| best = best.max(gain(pairs)));
@@ -314,7 +379,7 @@ mod tests {
                 .to_owned()
                 .try_into()
                 .unwrap();
-            let matches = match_lines(&frame(&seen, &mapped), 0.0);
+            let matches = match_lines(&frame(&seen, &mapped), 0.0, 0.0);
             let gain = |pair: &Match| (-0.5 * (pair.residual_m / GAIN_SIGMA_M).powi(2)).exp();
             let found: f64 = matches.pairs.iter().map(gain).sum();
             assert!(found <= best[0] + 1e-6, "{line}: {found}");
@@ -331,6 +396,7 @@ mod tests {
     fn of_two_lines_that_go_on_in_each_other_the_longer_is_taken() {
         let part = |line: usize, ranges: std::ops::Range<usize>, lateral_m: f64| CutLine {
             line,
+            ahead_m: [RANGES_M[ranges.start], RANGES_M[ranges.end - 1]],
             cuts: ranges
                 .map(|range| Cut {
                     range,
@@ -343,9 +409,19 @@ mod tests {
             seen: vec![part(0, 0..10, 1.75)],
             mapped: vec![part(0, 0..3, 1.75), part(1, 3..10, 1.85)],
         };
-        let matches = match_lines(&cross_cut, 0.0);
-        assert_eq!(matches.pairs.len(), 1);
-        assert_eq!(matches.pairs[0].mapped, 1);
-        assert!(!matches.pairs[0].is_ambiguous);
+        let matches = match_lines(&cross_cut, 0.0, 0.0);
+        let found: Vec<_> = (matches.pairs.iter())
+            .map(|m| (m.mapped, m.is_main, m.is_ambiguous))
+            .collect();
+        assert_eq!(found, [(1, true, false), (0, false, false)]);
+        // A car stands before the middle of one line: both pieces are it.
+        let cross_cut = CrossCut {
+            seen: vec![part(0, 0..4, 1.75), part(1, 6..10, 1.8)],
+            mapped: vec![part(0, 0..12, 1.75)],
+        };
+        let matches = match_lines(&cross_cut, 0.0, 0.0);
+        let found: Vec<_> = matches.pairs.iter().map(|m| (m.seen, m.mapped)).collect();
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert!(matches.pairs.iter().all(|m| m.is_main));
     }
 }

@@ -36,7 +36,7 @@ pub fn estimate(cross_cuts: &[CrossCut], registrations: &[Registration]) -> f64 
 
 /// The ratio of one frame, from its outermost matched pair of near lines.
 fn ratio(cross_cut: &CrossCut, offset_m: f64) -> Option<f64> {
-    let matches = match_lines(cross_cut, offset_m);
+    let matches = match_lines(cross_cut, offset_m, 0.0);
     let near: Vec<(f64, f64)> = matches
         .pairs
         .iter()

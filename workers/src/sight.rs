@@ -73,7 +73,8 @@ impl Sightings {
         }
         self.close_behind(way_m);
         for (index, seen) in frame.cross_cut.seen.iter().enumerate() {
-            let is_matched = frame.matches.pairs.iter().any(|pair| pair.seen == index);
+            let is_aslant = frame.aslant.iter().any(|aslant| aslant.seen == seen.line);
+            let is_matched = is_aslant || frame.matches.pairs.iter().any(|pair| pair.seen == index);
             if !is_matched && !is_double(frame, seen) {
                 self.add_line(frame, seen, way_m);
             }

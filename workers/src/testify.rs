@@ -8,6 +8,7 @@ use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
 use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::section_of;
 
+use crate::aslant::Aslant;
 use crate::cuts::{CrossCut, Cut, CutLine};
 use crate::hidden::Hidden;
 use crate::local_map::{LocalLine, LocalMap};
@@ -36,8 +37,12 @@ pub struct Frame<'a> {
     pub cross_cut: &'a CrossCut,
     /// Lateral correction.
     pub registration: Registration,
+    /// How far ahead of its pose the vehicle really was, in metres.
+    pub ahead_m: f64,
     /// Which seen line is which map line.
     pub matches: &'a Matches,
+    /// And those of the others that run across the vehicle's way.
+    pub aslant: &'a [Aslant],
     /// What it could not see.
     pub hidden: &'a Hidden<'a>,
 }
@@ -88,9 +93,10 @@ impl<'a> Ledger<'a> {
             let Some(spot) = self.spot(mapped) else {
                 continue;
             };
-            let matched = frame.matches.pairs.iter().find(|pair| pair.mapped == index);
             // A line that was seen farther on, or nearer by, says nothing of this section.
-            let matched = matched.filter(|pair| spot.is_on(&frame.cross_cut.seen[pair.seen]));
+            let is_on = |pair: &&Match| spot.is_on(&frame.cross_cut.seen[pair.seen]);
+            let mut pairs = frame.matches.pairs.iter();
+            let matched = pairs.find(|pair| pair.mapped == index && is_on(pair));
             let row = self.row(mapped, &spot);
             expose(row.row, frame.look.pose.stamp_ns, visibility);
             paper_sums(row.row, visibility, opinion(matched));

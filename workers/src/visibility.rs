@@ -108,6 +108,7 @@ mod tests {
         };
         CutLine {
             line: 0,
+            ahead_m: [RANGES_M[0], RANGES_M[RANGES_M.len() - 1]],
             cuts: (0..RANGES_M.len()).map(cut).collect(),
         }
     }

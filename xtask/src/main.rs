@@ -6,6 +6,7 @@
 mod book;
 mod command;
 mod demo;
+mod histories;
 mod lints;
 mod test;
 
@@ -20,6 +21,7 @@ cargo xtask WORD [ARGUMENT...]
   demo [ARG...]   builds `tilefold` for release and runs `tilefold demo ARG...`
   test [ARG...]   runs every test of the workspace, then the examples in its documentation;
                   ARG... goes to the test runner (a name to filter by, for instance)
+  histories [N]   N random histories of small stores (5,000 if not given) against one plain job each
   ci-lints        format, clippy, documentation and the book, with every warning an error
   docs            builds the book (docs/book) and the API documentation (target/doc)
 ";
@@ -46,6 +48,7 @@ fn dispatch(word: &str, arguments: &[String]) -> Result<(), Failure> {
     match word {
         "demo" => demo::run(&root, arguments),
         "test" => test::run(&root, arguments),
+        "histories" => histories::run(&root, arguments),
         "ci-lints" => without_arguments(word, arguments).and_then(|()| lints::run(&root)),
         "docs" => without_arguments(word, arguments).and_then(|()| book::run(&root)),
         _ => Err(Failure::usage(format!(

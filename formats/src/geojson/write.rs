@@ -103,7 +103,7 @@ fn doubled_area(ring: &[[f64; 3]]) -> f64 {
         .sum()
 }
 
-fn push_positions(text: &mut String, points: &[[f64; 3]]) {
+pub(super) fn push_positions(text: &mut String, points: &[[f64; 3]]) {
     text.push('[');
     for (index, [longitude_deg, latitude_deg, _]) in points.iter().enumerate() {
         let separator = if index == 0 { "" } else { "," };

@@ -104,6 +104,7 @@ static DIALECTS: &[Dialect] = &[
         TopicKind::Gnss,
         protobuf::location_fix,
     ),
+    foxglove("foxglove.Odometry", TopicKind::Odometry, protobuf::odometry),
     foxglove(
         "foxglove.PoseInFrame",
         TopicKind::Pose,

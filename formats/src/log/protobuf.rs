@@ -7,10 +7,12 @@ use foxglove::Decode;
 use foxglove::messages::location_fix::PositionCovarianceType;
 use foxglove::messages::{
     CameraCalibration as FoxgloveCalibration, CompressedImage, FrameTransform, FrameTransforms,
-    LocationFix, Pose, PoseInFrame, Quaternion, Timestamp, Vector3,
+    LocationFix, Odometry as FoxgloveOdometry, Pose, PoseInFrame, Quaternion, Timestamp, Vector3,
 };
 use tilefold_schemas::limits::{MAX_PRIMITIVES_PER_MESSAGE, MAX_TRANSFORMS_PER_MESSAGE};
-use tilefold_schemas::log::{CameraCalibration, EncodedImage, FramePose, Payload, Transform};
+use tilefold_schemas::log::{
+    CameraCalibration, EncodedImage, FramePose, Odometry, Payload, Transform,
+};
 
 use super::decode::{Decoded, Loss};
 use super::error::DecodeError;
@@ -59,6 +61,26 @@ pub(crate) fn pose_in_frame(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>) -
         message.timestamp,
         message.frame_id,
         Payload::Pose(pose),
+        decoded,
+    )
+}
+
+/// foxglove.Odometry.
+pub(crate) fn odometry(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>) -> Outcome {
+    let message: FoxgloveOdometry = decode(bytes, "foxglove.Odometry", FLAT)?;
+    let odometry = Odometry {
+        pose: to_pose(message.pose.unwrap_or_default())?,
+        linear_velocity_m_s: sound::velocity(to_array(
+            message.linear_velocity.unwrap_or_default(),
+        ))?,
+        angular_velocity_rad_s: sound::turn_rate(to_array(
+            message.angular_velocity.unwrap_or_default(),
+        ))?,
+    };
+    push(
+        message.timestamp,
+        message.frame_id,
+        Payload::Odometry(odometry),
         decoded,
     )
 }

@@ -4,7 +4,7 @@ use bytes::Bytes;
 use foxglove::Encode;
 use foxglove::messages as fox;
 use tilefold_schemas::log::{
-    CameraCalibration, EncodedImage, FramePose, GnssFix, Payload, Quaternion, Transform,
+    CameraCalibration, EncodedImage, FramePose, GnssFix, Odometry, Payload, Quaternion, Transform,
 };
 
 use super::{Dialect, Encoded, Entry, LogWriteError, seconds};
@@ -14,6 +14,7 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
     match entry.payload {
         Payload::Gnss(fix) => message("foxglove.LocationFix", &location_fix(entry, fix)?),
         Payload::Pose(pose) => message("foxglove.PoseInFrame", &pose_in_frame(entry, pose)?),
+        Payload::Odometry(measured) => message("foxglove.Odometry", &odometry(entry, measured)?),
         Payload::Transforms { transforms, .. } => {
             let transforms = frame_transforms(entry, transforms)?;
             message("foxglove.FrameTransforms", &transforms)
@@ -26,7 +27,6 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
             message("foxglove.CompressedImage", &compressed_image(entry, image)?)
         }
         Payload::Imu(_) => Err(lacking("an inertial measurement")),
-        Payload::Odometry(_) => Err(lacking("odometry")),
         Payload::Detections(_) => Err(lacking("detections here")),
         Payload::Vehicles(_) => Err(lacking("other vehicles")),
     }
@@ -89,11 +89,28 @@ fn pose_in_frame(entry: &Entry<'_>, pose: &FramePose) -> Result<fox::PoseInFrame
     Ok(fox::PoseInFrame {
         timestamp: Some(timestamp(entry.stamp_ns)?),
         frame_id: entry.frame_id.to_owned(),
-        pose: Some(fox::Pose {
-            position: Some(vector(pose.position_m)),
-            orientation: Some(quaternion(pose.orientation)),
-        }),
+        pose: Some(pose_message(pose)),
     })
+}
+
+/// Covariances that nobody knows are left out.
+fn odometry(entry: &Entry<'_>, measured: &Odometry) -> Result<fox::Odometry, LogWriteError> {
+    Ok(fox::Odometry {
+        timestamp: Some(timestamp(entry.stamp_ns)?),
+        frame_id: entry.frame_id.to_owned(),
+        body_frame_id: "base_link".to_owned(),
+        pose: Some(pose_message(&measured.pose)),
+        linear_velocity: Some(vector(measured.linear_velocity_m_s)),
+        angular_velocity: Some(vector(measured.angular_velocity_rad_s)),
+        ..Default::default()
+    })
+}
+
+fn pose_message(pose: &FramePose) -> fox::Pose {
+    fox::Pose {
+        position: Some(vector(pose.position_m)),
+        orientation: Some(quaternion(pose.orientation)),
+    }
 }
 
 fn frame_transforms(

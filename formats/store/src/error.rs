@@ -79,6 +79,18 @@ pub enum StoreError {
         /// The latest version there is.
         latest: i64,
     },
+    /// A version whose files were removed.
+    #[error(
+        "version {version} of {location} was removed by `tilefold vacuum`; the oldest one that can be read is {oldest}"
+    )]
+    Vacuumed {
+        /// The store.
+        location: String,
+        /// The version asked for.
+        version: i64,
+        /// The oldest version there is.
+        oldest: i64,
+    },
     /// An instant before the store's first version.
     #[error(
         "{location} has no version as old as {as_of_ms} ms after 1970; the first one is of \

@@ -27,6 +27,7 @@ mod properties;
 mod snapshot;
 mod store;
 mod transaction;
+mod vacuum;
 mod version;
 
 pub use data_file::DataFile;
@@ -38,6 +39,7 @@ pub use properties::{FORMAT_VERSION, Parameters, StoreProperties};
 pub use snapshot::{Batches, Snapshot, TileFilter};
 pub use store::Store;
 pub use transaction::Transaction;
+pub use vacuum::{Retention, Vacuumed};
 pub use version::{Pin, VersionInfo};
 
 #[cfg(test)]

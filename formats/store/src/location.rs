@@ -15,6 +15,7 @@ use deltalake::logstore::{
     object_store_factories,
 };
 use deltalake::{DeltaResult, DeltaTableError};
+use futures::TryStreamExt;
 use tokio::runtime::{Builder, Handle, Runtime};
 use url::Url;
 
@@ -85,7 +86,10 @@ impl Location {
     fn folder(&self) -> Option<PathBuf> {
         match self {
             Self::Folder(path) => Some(path.clone()),
-            Self::Url(text) => Url::parse(text).ok()?.to_file_path().ok(),
+            Self::Url(text) => {
+                let url = Url::parse(text).ok().filter(|url| url.scheme() == "file");
+                url?.to_file_path().ok()
+            }
         }
     }
 
@@ -292,6 +296,34 @@ impl Place {
         Ok(())
     }
 
+    /// All data files of all tables, by path.
+    pub(crate) fn data_files(&self) -> Result<Vec<StoredFile>, StoreError> {
+        let is_data = |file: &StoredFile| {
+            file.path.ends_with(".parquet") && !file.path.contains("_delta_log")
+        };
+        self.wait(async {
+            let found: Result<Vec<_>, _> = self.folder.list(None).try_collect().await;
+            let found = found.map_err(|error| self.storage_error("list", "", error))?;
+            let mut files: Vec<StoredFile> = found.into_iter().map(StoredFile::from).collect();
+            files.retain(is_data);
+            files.sort_by(|a, b| a.path.cmp(&b.path));
+            Ok(files)
+        })
+    }
+
+    /// Deletes files; those that are gone already do not matter.
+    pub(crate) fn delete(&self, files: impl IntoIterator<Item = String>) -> Result<(), StoreError> {
+        self.wait(async {
+            for file in files {
+                match self.folder.delete(&ObjectPath::from(file.as_str())).await {
+                    Ok(()) | Err(ObjectError::NotFound { .. }) => {}
+                    Err(error) => return Err(self.storage_error("delete", &file, error)),
+                }
+            }
+            Ok(())
+        })
+    }
+
     fn storage_error(
         &self,
         action: &'static str,
@@ -302,6 +334,27 @@ impl Place {
             action,
             place: self.describe(file),
             source,
+        }
+    }
+}
+
+/// A file in storage.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct StoredFile {
+    /// Path from the store's folder.
+    pub(crate) path: String,
+    /// When it was written, milliseconds since the Unix epoch.
+    pub(crate) written_ms: i64,
+    /// Its size.
+    pub(crate) size_bytes: u64,
+}
+
+impl From<object_store::ObjectMeta> for StoredFile {
+    fn from(found: object_store::ObjectMeta) -> Self {
+        Self {
+            path: found.location.to_string(),
+            written_ms: found.last_modified.timestamp_millis(),
+            size_bytes: found.size,
         }
     }
 }

@@ -11,6 +11,7 @@ use crate::location::{Location, Place};
 use crate::properties::{self, FORMAT_VERSION, Parameters, ReadProperties, StoreProperties};
 use crate::snapshot::Snapshot;
 use crate::transaction::Transaction;
+use crate::vacuum;
 use crate::version::{Pin, VersionInfo};
 
 /// The table whose Delta version is the store's version.
@@ -129,8 +130,21 @@ impl Store {
                 latest,
             });
         }
+        self.refuse_vacuumed(version)?;
         let info = self.version_info(version)?;
         Ok(Snapshot::new(self.clone(), info))
+    }
+
+    fn refuse_vacuumed(&self, version: i64) -> Result<(), StoreError> {
+        let oldest = vacuum::oldest_version(&self.place)?;
+        if version >= oldest {
+            return Ok(());
+        }
+        Err(StoreError::Vacuumed {
+            location: self.location(),
+            version,
+            oldest,
+        })
     }
 
     /// The store as it was at an instant, milliseconds since the Unix epoch.
@@ -148,6 +162,7 @@ impl Store {
                 as_of_ms,
                 first_ms,
             })?;
+        self.refuse_vacuumed(info.version)?;
         Ok(Snapshot::new(self.clone(), info))
     }
 

@@ -177,6 +177,41 @@ fn odometry_and_poses() {
     assert_eq!(odometry.pose.position_m, [1.0, 2.0, 3.0]);
     assert_eq!(odometry.linear_velocity_m_s, [5.0, 0.0, 0.0]);
     assert_eq!(odometry.angular_velocity_rad_s, [0.0, 0.0, 0.5]);
+    let message = foxglove(
+        "foxglove.Odometry",
+        &fg::Odometry {
+            timestamp: timestamp(),
+            frame_id: "odom".to_owned(),
+            body_frame_id: "base_link".to_owned(),
+            pose: Some(fg::Pose {
+                position: Some(fg::Vector3 {
+                    x: 1.0,
+                    y: 2.0,
+                    z: 3.0,
+                }),
+                orientation: Some(fg::Quaternion {
+                    x: 0.0,
+                    y: 0.0,
+                    z: 0.6,
+                    w: 0.8,
+                }),
+            }),
+            linear_velocity: Some(fg::Vector3 {
+                x: 5.0,
+                ..Default::default()
+            }),
+            angular_velocity: Some(fg::Vector3 {
+                z: 0.5,
+                ..Default::default()
+            }),
+            ..Default::default()
+        },
+    );
+    assert_eq!(
+        (message.stamp_ns, message.frame_id.as_str()),
+        (STAMP_NS, "odom")
+    );
+    assert_eq!(message.payload, Payload::Odometry(odometry));
     for (schema, covariance) in [
         ("geometry_msgs/msg/PoseStamped", &[0.0; 0][..]),
         ("geometry_msgs/msg/PoseWithCovarianceStamped", &[0.0; 36]),

@@ -25,23 +25,44 @@ use phantom::Phantoms;
 use temper::Temper;
 use view::View;
 
+/// The fewest points that make a line.
+const LEAST_POINTS: usize = 3;
 /// Points are given in steps of 1/1024 m.
 const STEPS_PER_M: f64 = 1024.0;
 /// Paint is looked for this much further than can be seen, in metres.
 const BEYOND_M: f64 = 5.0;
 
-/// A detection, and the paint that it is of; none for what is not there.
+/// A detection, and the paint that it is of.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Seen {
     pub(crate) detection: Detection,
+    pub(crate) parts: Vec<Part>,
+}
+
+/// A stretch of a detection that is of one element; of none, where nothing is painted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Part {
     pub(crate) element: Option<i64>,
+    /// From where to where, by metres ahead: 0 where the detection is nearest, 1 where it is farthest.
+    pub(crate) shares: [f64; 2],
+}
+
+impl Part {
+    /// The whole of a detection.
+    fn whole(element: Option<i64>) -> Self {
+        Self {
+            element,
+            shares: [0.0, 1.0],
+        }
+    }
 }
 
 /// A line or outline in the vehicle frame before anything is missed or mistaken.
 struct Sight {
     /// What memory is kept by.
     key: usize,
-    element: Option<i64>,
+    /// Whose paint it is, in the order of the points.
+    pieces: Vec<Piece>,
     kind: ElementKind,
     marking: Marking,
     color: Color,
@@ -50,6 +71,50 @@ struct Sight {
     wear: f64,
     /// Metres forward and to the left.
     points: Vec<[f64; 2]>,
+}
+
+/// A stretch of a line that is one element's; no element's, where no paint is.
+struct Piece {
+    element: Option<i64>,
+    points: usize,
+}
+
+impl Sight {
+    /// For each point, of which piece it is.
+    fn owners(&self) -> Vec<usize> {
+        let pieces = self.pieces.iter().enumerate();
+        pieces
+            .flat_map(|(index, piece)| std::iter::repeat_n(index, piece.points))
+            .collect()
+    }
+
+    /// Whose the points are that are told of, at `ahead_m` metres: stretches that would have been told
+    /// of if there were nothing else, and else the longest.
+    fn parts(&self, owners: &[usize], ahead_m: &[f64]) -> Vec<Part> {
+        let mut runs: Vec<(usize, Vec<f64>)> = Vec::new();
+        for (&owner, &at_m) in owners.iter().zip(ahead_m) {
+            match runs.last_mut() {
+                Some((last, run)) if *last == owner => run.push(at_m),
+                _ => runs.push((owner, vec![at_m])),
+            }
+        }
+        let most = runs.iter().map(|(_, run)| run.len()).max().unwrap_or(0);
+        runs.retain(|(_, run)| run.len() >= LEAST_POINTS.min(most));
+        let [low_m, high_m] = bounds(ahead_m);
+        let part = |(owner, run): &(usize, Vec<f64>)| Part {
+            element: self.pieces[*owner].element,
+            shares: bounds(run).map(|at_m| (at_m - low_m) / (high_m - low_m).max(1e-9)),
+        };
+        runs.iter().map(part).collect()
+    }
+}
+
+fn bounds(values: &[f64]) -> [f64; 2] {
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    [
+        low,
+        values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+    ]
 }
 
 /// The detector of one drive.

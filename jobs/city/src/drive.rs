@@ -3,6 +3,7 @@
 //! Where the map ends before the drive does, the vehicle parks, and comes in again where it likes:
 //! the drive goes on with another leg, some minutes later. A log holds them all.
 
+mod in_order;
 mod leg;
 
 use std::io::{Seek, Write};
@@ -11,6 +12,7 @@ use tilefold_formats::log_write::{Dialect, Entry, LogWriteError, LogWriter};
 
 use crate::city::City;
 use crate::course::Course;
+use crate::detector::Part;
 use crate::error::CityError;
 use crate::random::Random;
 use crate::route::{Routes, STEP_M};
@@ -36,18 +38,18 @@ pub(crate) struct Drive<'a> {
 /// A drive that was written.
 pub(crate) struct Written<W> {
     pub(crate) sink: W,
-    /// The matching truth.
+    /// The matching truth, if it is wanted.
     pub(crate) matches: Vec<Match>,
     /// What is in the pictures: a JSON value a line.
     pub(crate) frames: String,
 }
 
-/// Of which element a detection is.
+/// Of which element a stretch of a detection is.
 pub(crate) struct Match {
     pub(crate) stamp_ns: i64,
     /// Which of its frame's detections, counted from 0.
     pub(crate) detection: usize,
-    pub(crate) element: Option<i64>,
+    pub(crate) part: Part,
 }
 
 impl Drive<'_> {

@@ -3,7 +3,7 @@
 //!
 //! A `world` is drawn by seed (`network`) or taken from a map (`mapped`) -> `edit` lets things happen
 //! to its paint, with dates -> a drive takes `route`s (`reach` says how far they lead), moves along them (`course`) amid `traffic`
-//! in the lanes `alongside`, and measures: `receiver` its position, `inertial` its heading, `detector` the paint -> `drive` puts
+//! in the lanes `alongside`, and measures: `receiver` its position, `inertial` its heading, `odometer` its way, `detector` the paint -> `drive` puts
 //! that into a log. `write` joins them. How sensors err is read from parameter files (`noise`).
 //! [`render`] takes pictures of a [`World`].
 //!
@@ -24,6 +24,7 @@ mod mapped;
 mod mounting;
 mod network;
 pub mod noise;
+mod odometer;
 mod pictures;
 mod random;
 mod reach;

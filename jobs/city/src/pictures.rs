@@ -30,7 +30,7 @@ const READOUT_S: (f64, f64) = (0.0, 0.02);
 /// Quality of the JPEG files.
 const QUALITY: u8 = 88;
 /// The frames of the vehicle and of its camera.
-const VEHICLE_FRAME: &str = "base_link";
+pub(crate) const VEHICLE_FRAME: &str = "base_link";
 pub(crate) const CAMERA_FRAME: &str = "camera_optical_frame";
 /// How many drives are in which light and weather, cumulative.
 const CATEGORIES: [(f64, Category); 8] = [

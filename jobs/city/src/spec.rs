@@ -59,7 +59,7 @@ pub struct CitySpec {
     pub profile: LogProfile,
     /// How well the vehicles measure: a preset of [`crate::noise`] or a file.
     pub noise: String,
-    /// Whether a table beside each log says which element every detection is of.
+    /// Whether a table says which element every detection is of.
     pub matching_truth: bool,
 }
 

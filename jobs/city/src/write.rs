@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
@@ -22,8 +22,10 @@ use crate::spec::{CitySpec, LogProfile, Site};
 use crate::truth;
 use crate::world::{Paint, World};
 
+/// Drives per thread whose tables wait to be written.
+const DRIVES_AT_ONCE: usize = 8;
 /// The matching truth's columns.
-const MATCHING_HEADER: &str = "vehicle,topic,stamp_ns,detection,element_id\n";
+const MATCHING_HEADER: &str = "vehicle,topic,stamp_ns,detection,element_id,from_share,to_share\n";
 
 /// Where a city's files are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,8 +48,8 @@ pub struct CityFiles {
 /// files of the same names are replaced.
 ///
 /// The same specification gives the same bytes with any number of threads (on one platform: sines
-/// are the system's). Drives are made one by one by each thread: memory holds the world and a drive
-/// per thread.
+/// are the system's). Drives are made one by one by each thread, and written as they are made:
+/// memory holds the world, and of each thread's drive its way.
 ///
 /// # Errors
 /// If the specification is outside of its limits, or a file cannot be read or written.
@@ -70,7 +72,7 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
             .map(|index| logs_folder.join(format!("drive_{index:05}.mcap")))
             .collect(),
     };
-    write_maps(&files, &world, &history, campaign.end_ns())?;
+    write_maps(&files, &world, history, campaign.end_ns())?;
     let city = City {
         spec,
         world: &world,
@@ -80,18 +82,31 @@ pub fn write(spec: &CitySpec, out: &Path) -> Result<CityFiles, CityError> {
         renderer: (spec.profile == LogProfile::Camera).then(|| Renderer::new(&world)),
         begin_ns: campaign.begin_ns,
     };
-    let drives = files.logs.par_iter().enumerate().map(|(index, path)| {
+    let write_drive = |(index, path): (usize, &PathBuf)| {
         let drive = Drive {
             city: &city,
             index: index as u32,
         };
         write_log(path, &drive)
-    });
-    let tables: Vec<String> = drives.collect::<Result<_, _>>()?;
-    if let Some(path) = &files.matching {
-        let text = format!("{MATCHING_HEADER}{}", tables.concat());
-        fs::write(path, text).map_err(at(path))?;
+    };
+    let Some(path) = &files.matching else {
+        let drives = files.logs.par_iter().enumerate();
+        drives.try_for_each(|drive| write_drive(drive).map(drop))?;
+        return Ok(files);
+    };
+    let mut table = BufWriter::new(File::create(path).map_err(at(path))?);
+    table
+        .write_all(MATCHING_HEADER.as_bytes())
+        .map_err(at(path))?;
+    let indexed: Vec<(usize, &PathBuf)> = files.logs.iter().enumerate().collect();
+    // Tables are written in the order of the drives; those of a few drives wait for their turn.
+    for some in indexed.chunks(DRIVES_AT_ONCE * rayon::current_num_threads()) {
+        let tables = some.par_iter().map(|drive| write_drive(*drive));
+        for rows in tables.collect::<Result<Vec<String>, _>>()? {
+            table.write_all(rows.as_bytes()).map_err(at(path))?;
+        }
     }
+    finish(path, table)?;
     Ok(files)
 }
 
@@ -102,25 +117,21 @@ fn world(spec: &CitySpec) -> Result<World, CityError> {
     }
 }
 
+/// One map after the other: a city's elements are larger than the city.
 fn write_maps(
     files: &CityFiles,
     world: &World,
-    history: &History,
+    history: History,
     end_ns: i64,
 ) -> Result<(), CityError> {
+    let mapped = history.map.iter().map(|paint| world.element(paint));
+    write_map(&files.before_map, &mapped.collect::<Vec<_>>(), "before")?;
     let after: Vec<&Paint> = world
         .paint
         .iter()
         .filter(|paint| paint.is_there(end_ns))
         .collect();
-    let after = numbered(world, &after);
-    let before: Vec<Element> = history
-        .map
-        .iter()
-        .map(|paint| world.element(paint))
-        .collect();
-    write_map(&files.before_map, &before, "before")?;
-    write_map(&files.after_map, &after, "after")?;
+    write_map(&files.after_map, &numbered(world, &after), "after")?;
     let lasting = history
         .changes
         .iter()
@@ -192,14 +203,15 @@ fn table(vehicle: &str, matches: &[Match]) -> String {
     for Match {
         stamp_ns,
         detection,
-        element,
+        part,
     } in matches
     {
-        let element = element.map_or_else(String::new, |id| id.to_string());
+        let [from, to] = part.shares;
+        let element = part.element.map_or_else(String::new, |id| id.to_string());
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "{vehicle},{DETECTIONS_TOPIC},{stamp_ns},{detection},{element}"
+            "{vehicle},{DETECTIONS_TOPIC},{stamp_ns},{detection},{element},{from:.3},{to:.3}"
         );
     }
     text

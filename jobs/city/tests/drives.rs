@@ -9,6 +9,7 @@ use tilefold_city::{CitySpec, LogProfile, Site, write};
 use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader, TopicKind};
 use tilefold_schemas::element::ElementKind;
 use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
+use tilefold_tiler::geodesy::LocalFrame;
 
 fn read(path: &Path) -> (LogIndex, Vec<LogMessage>) {
     let index = LogIndex::open(path).unwrap();
@@ -113,6 +114,68 @@ fn detections_lie_before_the_vehicle_and_some_frames_are_empty() {
     assert!((2.0..7.0).contains(&per_frame), "{per_frame} lines a frame");
 }
 
+/// The yaw of a turn about the up axis.
+fn yaw_rad([x, y, z, w]: [f64; 4]) -> f64 {
+    assert_eq!([x, y], [0.0; 2]);
+    2.0 * z.atan2(w)
+}
+
+/// The way along the positions of every second.
+fn way_by_positions_m(messages: &[LogMessage]) -> f64 {
+    let frame = LocalFrame::new(CitySpec::default().anchor);
+    let positions = messages
+        .iter()
+        .filter_map(|message| match &message.payload {
+            Payload::Gnss(fix) => Some(frame.to_enu([fix.longitude_deg, fix.latitude_deg, 0.0])),
+            _ => None,
+        });
+    let positions: Vec<[f64; 3]> = positions.step_by(5).collect();
+    let steps = positions.windows(2);
+    steps
+        .map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]))
+        .sum()
+}
+
+#[test]
+fn wheels_count_the_way_in_both_dialects() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = write(&spec(), folder.path()).unwrap();
+    let mut stood = 0;
+    for path in &files.logs {
+        let (index, messages) = read(path);
+        assert_eq!(index.topics_of(TopicKind::Odometry).count(), 1);
+        let said = messages
+            .iter()
+            .filter_map(|message| match &message.payload {
+                Payload::Odometry(odometry) => Some((message, odometry)),
+                _ => None,
+            });
+        let said: Vec<_> = said.collect();
+        assert_eq!(said[0].1.pose.position_m, [0.0; 3]);
+        let mut way_m = 0.0;
+        for pair in said.windows(2) {
+            let [(before, a), (now, b)] = [pair[0], pair[1]];
+            assert_eq!(now.frame_id, "odom");
+            let seconds = (now.stamp_ns - before.stamp_ns) as f64 * 1e-9;
+            assert!((seconds - 0.1).abs() < 1e-9);
+            let [v, w] = [a, b].map(|o| o.linear_velocity_m_s[0]);
+            let [from, to] = [a, b].map(|o| o.pose.position_m);
+            let moved_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+            assert!((moved_m - 0.5 * (v + w).abs() * seconds).abs() < 1e-9);
+            let forward = (to[1] - from[1]).atan2(to[0] - from[0]);
+            let off_rad = forward - yaw_rad(b.pose.orientation);
+            // At walking pace, noise may roll it back.
+            assert!(moved_m < 0.02 || off_rad.cos() > 0.99, "{off_rad}");
+            stood += usize::from(v == 0.0 && w == 0.0);
+            way_m += moved_m;
+        }
+        let by_positions_m = way_by_positions_m(&messages);
+        let ratio = way_m / by_positions_m;
+        assert!((ratio - 1.0).abs() < 0.06, "{way_m} m, {by_positions_m} m");
+    }
+    assert!(stood > 10, "{stood}");
+}
+
 #[test]
 fn camera_logs_hold_pictures_calibration_mounting_and_truth() {
     let folder = tempfile::tempdir().unwrap();
@@ -126,6 +189,7 @@ fn camera_logs_hold_pictures_calibration_mounting_and_truth() {
     let (index, messages) = read(&files.logs[0]);
     assert_eq!(index.topics_of(TopicKind::Gnss).count(), 1);
     let (mut pictures, mut calibrations, mut mountings) = (Vec::new(), 0, 0);
+    let (mut in_tree, mut measured) = (Vec::new(), Vec::new());
     for message in &messages {
         match &message.payload {
             Payload::Image(image) => {
@@ -137,6 +201,15 @@ fn camera_logs_hold_pictures_calibration_mounting_and_truth() {
                 assert_eq!((calibration.width_px, calibration.height_px), (640, 360));
                 calibrations += 1;
             }
+            Payload::Transforms {
+                transforms,
+                is_static: false,
+            } => {
+                assert_eq!(transforms[0].parent_frame, "odom");
+                assert_eq!(transforms[0].child_frame, "base_link");
+                in_tree.push(transforms[0].translation_m);
+            }
+            Payload::Odometry(odometry) => measured.push(odometry.pose.position_m),
             Payload::Transforms { transforms, .. } => {
                 assert_eq!(transforms[0].parent_frame, "base_link");
                 assert_eq!(transforms[0].child_frame, "camera_optical_frame");
@@ -147,6 +220,7 @@ fn camera_logs_hold_pictures_calibration_mounting_and_truth() {
     }
     assert!(pictures.len() > 50, "{} pictures", pictures.len());
     assert!(calibrations >= pictures.len() / 5 && mountings == 1);
+    assert!(measured.len() > pictures.len() && in_tree == measured);
     let truth = std::fs::read_to_string(files.logs[0].with_extension("frames.jsonl")).unwrap();
     let stamps: Vec<i64> = truth
         .lines()

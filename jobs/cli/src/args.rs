@@ -6,6 +6,8 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 use tilefold_engine::{FusionModel, Registering};
 
+use crate::at::{At, at};
+
 /// Finds where an HD map no longer matches the road, from the camera and GNSS logs of ordinary
 /// vehicles.
 ///
@@ -33,7 +35,15 @@ impl Args {
     /// command. Usage errors end the process with their exit code.
     pub(crate) fn parse_checked() -> Self {
         let args = Self::parse();
-        if args.format.is_for_export() && !matches!(args.command, Command::Export { .. }) {
+        let is_drawn = match args.format {
+            Format::Geojson => matches!(
+                args.command,
+                Command::Export { .. } | Command::Regions { .. }
+            ),
+            format if format.is_for_export() => matches!(args.command, Command::Export { .. }),
+            _ => true,
+        };
+        if !is_drawn {
             let name = args.format.to_possible_value();
             let name = name.as_ref().map_or("", |value| value.get_name());
             let why =
@@ -57,7 +67,7 @@ pub(crate) enum Format {
     Text,
     /// One JSON value.
     Json,
-    /// RFC 7946 (this one and all below: `export` only).
+    /// RFC 7946 (`export` and `regions`; all forms below: `export` only).
     Geojson,
     /// A Parquet table with geometry, version 1.1.
     Geoparquet,
@@ -191,6 +201,41 @@ pub(crate) enum Command {
         /// The store.
         store: PathBuf,
     },
+    /// Takes evidence out, as if it had never come in: folds anew what it touched, commits a version.
+    ///
+    /// What was made from it, context included, leaves with it; the report names the logs that bring
+    /// back the rest. Older versions keep it until `vacuum`.
+    Retract {
+        /// The store.
+        store: PathBuf,
+        /// What is to be forgotten.
+        #[command(flatten)]
+        what: What,
+    },
+    /// Lays a new version of the base map under the store. What is unchanged keeps its evidence, what
+    /// was edited starts anew, claims that the map now confirms are named.
+    Rebase {
+        /// The store.
+        store: PathBuf,
+        /// Map files (Lanelet2 .osm, OpenDRIVE .xodr, Argoverse 2 .json).
+        #[arg(long, required = true, num_args = 1..)]
+        map: Vec<PathBuf>,
+    },
+    /// Removes the data files of versions that were replaced long ago, and of jobs that were killed.
+    /// The latest version always stays.
+    Vacuum {
+        /// The store.
+        store: PathBuf,
+        /// Versions that were current in the last so many days stay readable.
+        #[arg(long, value_name = "DAYS", default_value_t = 30)]
+        retain_days: u32,
+        /// Files written in the last so many hours stay: a job may be about to commit them.
+        #[arg(long, value_name = "HOURS", default_value_t = 24)]
+        grace_hours: u32,
+        /// Only tells what would be removed.
+        #[arg(long)]
+        dry_run: bool,
+    },
     /// Lists the versions of a store.
     Log {
         /// The store.
@@ -200,9 +245,21 @@ pub(crate) enum Command {
     Show {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
+    },
+    /// Lists changes that lie beside each other as regions: what happened there, and since when.
+    /// `--format geojson` gives them as polygons.
+    Regions {
+        /// The store.
+        store: PathBuf,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
+        /// Least posterior of the changes.
+        #[arg(long, default_value_t = 0.85)]
+        threshold: f64,
     },
     /// Says why a version says what it says of a change or an element: what every pass adds, what
     /// would flip the verdict, and the frames to look at.
@@ -211,17 +268,17 @@ pub(crate) enum Command {
         store: PathBuf,
         /// A change (16 hexadecimal digits), or an element of the map by its id.
         id: String,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
     },
     /// Recomputes the digests of a version and compares them with what was committed.
     Verify {
         /// The store.
         store: PathBuf,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
     },
     /// Shows what differs between two maps, by geometry and not only by id, or between two versions of
     /// a store. Exit code 4 where something does.
@@ -236,9 +293,9 @@ pub(crate) enum Command {
         /// GeoJSON of the true changes. Without it nothing has changed (a control).
         #[arg(long)]
         truth: Option<PathBuf>,
-        /// Version; the latest if not given.
-        #[arg(long)]
-        version: Option<i64>,
+        /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+        #[arg(long, visible_alias = "as-of", value_parser = at)]
+        version: Option<At>,
         /// Fusion model; the other one is shown beside it. The evidence is folded anew where the
         /// version was not made with it; nothing is written.
         #[arg(long, value_enum, default_value_t)]
@@ -280,6 +337,27 @@ pub(crate) enum Command {
     },
 }
 
+/// What `retract` takes out.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = true)]
+pub(crate) struct What {
+    /// A drive: the key of its vehicle and the second of its first frame. A wrong one lists them.
+    #[arg(long, value_name = "ID", conflicts_with_all = ["vehicle", "log", "from", "to"])]
+    pub drive: Option<String>,
+    /// A vehicle: its name in the logs, or its key in the store.
+    #[arg(long, value_name = "ID", conflicts_with_all = ["log", "from", "to"])]
+    pub vehicle: Option<String>,
+    /// A log: its file name, or its path as it was given to `run`.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["from", "to"])]
+    pub log: Option<String>,
+    /// What was captured from then on: a time like 2026-03-15T00:00:00Z.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub from: Option<i64>,
+    /// What was captured before then.
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub to: Option<i64>,
+}
+
 /// What `compare` compares.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Compare {
@@ -290,12 +368,12 @@ pub(crate) struct Compare {
     /// Of maps: what lies within this many metres is in the same place.
     #[arg(long, default_value_t = 0.01)]
     pub tolerance_m: f64,
-    /// Of a store: the first version; the one before the second if not given.
-    #[arg(long, conflicts_with = "b")]
-    pub from: Option<i64>,
-    /// Of a store: the second version; the latest if not given.
-    #[arg(long, conflicts_with = "b")]
-    pub to: Option<i64>,
+    /// Of a store: the first version, by number or as of a time; the one before the second if not given.
+    #[arg(long, conflicts_with = "b", value_parser = at)]
+    pub from: Option<At>,
+    /// Of a store: the second version, by number or as of a time; the latest if not given.
+    #[arg(long, conflicts_with = "b", value_parser = at)]
+    pub to: Option<At>,
 }
 
 /// What `export` writes.
@@ -303,9 +381,9 @@ pub(crate) struct Compare {
 pub(crate) struct Export {
     /// The store.
     pub store: PathBuf,
-    /// Version; the latest if not given.
-    #[arg(long)]
-    pub version: Option<i64>,
+    /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
+    #[arg(long, visible_alias = "as-of", value_parser = at)]
+    pub version: Option<At>,
     /// File to write.
     #[arg(long, short, visible_alias = "output")]
     pub out: Option<PathBuf>,
@@ -379,7 +457,7 @@ pub(crate) struct Simulation {
     /// How well the vehicles measure: the name of a profile or a TOML file.
     #[arg(long, default_value = "paper_like")]
     pub noise: String,
-    /// Writes beside each log which element every detection is of.
+    /// Writes `matching.csv`: which element every detection is of.
     #[arg(long)]
     pub matching_truth: bool,
 }

@@ -18,10 +18,11 @@ use tilefold_schemas::{
 use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, digest_rows};
 
 use crate::args::{Args, Command};
+use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
-    calibration, compare, demo, evaluation, explanation, export, progress, reference, simulate,
-    table,
+    calibration, compare, demo, evaluation, explanation, export, progress, rebase, reference,
+    regions, retract, simulate, table, vacuum,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -68,8 +69,21 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             run_logs(args, store, logs, options)
         }
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
+        Command::Retract { store, what } => retract::retract_from(args, store, what),
+        Command::Rebase { store, map } => rebase::rebase_store(args, store, map),
+        Command::Vacuum {
+            store,
+            retain_days,
+            grace_hours,
+            dry_run,
+        } => vacuum::vacuum_store(args, store, (*retain_days, *grace_hours), *dry_run),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
+        Command::Regions {
+            store,
+            version,
+            threshold,
+        } => regions::list(args, store, *version, *threshold),
         Command::Explain { store, id, version } => {
             explanation::explain_verdict(args, store, id, *version)
         }
@@ -119,10 +133,6 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             Ok(Outcome::Done)
         }
     }
-}
-
-fn open(store: &Path, version: Option<i64>) -> Result<Snapshot> {
-    Ok(Store::open(store.to_path_buf())?.snapshot(version)?)
 }
 
 /// `init`.
@@ -242,7 +252,7 @@ struct Summary {
     tiles: Vec<TileLine>,
 }
 
-fn show(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
+fn show(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
     let snapshot = open(store, version)?;
     let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
     let summary = Summary {
@@ -306,7 +316,7 @@ struct Verification {
     ok: bool,
 }
 
-fn verify(args: &Args, store: &Path, version: Option<i64>) -> Result<Outcome> {
+fn verify(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
     let snapshot = open(store, version)?;
     // Every data file is read and held against its hash on the way.
     let digest = sound_digest::<LayerHeader>(&snapshot)?;
@@ -386,7 +396,7 @@ pub(crate) struct Asked<'a> {
     /// Its true changes; none: nothing has changed.
     pub(crate) truth: Option<&'a Path>,
     /// Version; the latest if not given.
-    pub(crate) version: Option<i64>,
+    pub(crate) version: Option<At>,
     /// Fusion model.
     pub(crate) model: FusionModel,
     /// Which element each detection is of, and the logs with the detections.

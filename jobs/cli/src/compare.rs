@@ -6,9 +6,9 @@ use std::path::Path;
 use tilefold_engine::compare::{
     MapComparison, MapDifference, VersionComparison, compare_maps, compare_versions,
 };
-use tilefold_store::Store;
 
 use crate::args::{Args, Compare};
+use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::table;
 
@@ -80,10 +80,9 @@ fn clean(text: &str) -> String {
     shown.collect()
 }
 
-fn versions(args: &Args, store: &Path, from: Option<i64>, to: Option<i64>) -> Result<Outcome> {
-    let store = Store::open(store.to_path_buf())?;
-    let to = store.snapshot(to)?;
-    let from = store.snapshot(Some(from.unwrap_or(to.version() - 1)))?;
+fn versions(args: &Args, store: &Path, from: Option<At>, to: Option<At>) -> Result<Outcome> {
+    let to = open(store, to)?;
+    let from = open(store, Some(from.unwrap_or(At::Version(to.version() - 1))))?;
     let comparison = compare_versions(&from, &to)?;
     print(args, &comparison, version_words)?;
     Ok(match comparison.tiles.is_empty() {

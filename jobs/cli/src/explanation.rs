@@ -5,9 +5,9 @@ use std::path::Path;
 
 use tilefold_engine::explain;
 use tilefold_engine::explain::{Explanation, Frame, PassSays, WouldFlip};
-use tilefold_store::Store;
 
 use crate::args::Args;
+use crate::at::{At, open};
 use crate::report::{Outcome, print};
 use crate::table;
 
@@ -19,9 +19,9 @@ pub(crate) fn explain_verdict(
     args: &Args,
     store: &Path,
     id: &str,
-    version: Option<i64>,
+    version: Option<At>,
 ) -> Result<Outcome, Box<dyn Error>> {
-    let snapshot = Store::open(store.to_path_buf())?.snapshot(version)?;
+    let snapshot = open(store, version)?;
     let explained = explain(&snapshot, id)?;
     print(args, &explained, |explained| {
         let texts: Vec<String> = explained.iter().map(text).collect();
@@ -113,12 +113,18 @@ fn flip(told: &Explanation) -> String {
             see_it,
             verdict,
         }) => {
-            let see = if *see_it {
-                "see it as mapped"
+            let one = *passes == 1;
+            let who = if one {
+                "vehicle that sees"
             } else {
-                "see nothing there"
+                "vehicles that see"
             };
-            format!("{passes} more vehicles that {see} would make it {verdict}")
+            let what = if *see_it {
+                "it as mapped"
+            } else {
+                "nothing there"
+            };
+            format!("{passes} more {who} {what} would make it {verdict}")
         }
     }
 }
@@ -146,4 +152,90 @@ fn utc(stamp_ns: i64) -> String {
     chrono::DateTime::from_timestamp_nanos(stamp_ns)
         .format("%Y-%m-%d %H:%M:%S")
         .to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tilefold_engine::explain::BelievedLess;
+
+    fn pass(vehicle: &str, first_ns: i64, for_change: f64, why: &str) -> PassSays {
+        PassSays {
+            vehicle: vehicle.to_owned(),
+            log: Some("logs/monday.mcap".to_owned()),
+            topic: Some("/perception/lanes".to_owned()),
+            first_ns,
+            last_ns: first_ns + 1_000_000_000,
+            best_ns: first_ns + 500_000_000,
+            exposed: 24,
+            hit: 0,
+            residual_m: None,
+            read: None,
+            sighted: None,
+            nats: [0.0, 0.0, for_change, 0.0],
+            for_change,
+            for_change_fx: 0,
+            why: why.to_owned(),
+        }
+    }
+
+    fn told() -> Explanation {
+        let missed = "missed in all of 24 looks";
+        let matched = "matched in 7 of 28 looks, 0.37 m to the right";
+        let passes = vec![
+            pass("a87098a9473960ee", 1_774_371_364_000_000_000, 5.0, missed),
+            pass(
+                "069f7106d3783554",
+                1_773_305_319_000_000_000,
+                -0.91,
+                matched,
+            ),
+        ];
+        let frame = Frame {
+            stamp_ns: passes[0].best_ns,
+            log: passes[0].log.clone(),
+            topic: None,
+            vehicle: passes[0].vehicle.clone(),
+            for_change: 5.0,
+        };
+        Explanation {
+            version: 3,
+            change: "1f7e38ee9f65765e".to_owned(),
+            element: Some(1154),
+            kind: "lane_marking",
+            verdict: "removed",
+            from_m: 30.0,
+            to_m: 60.0,
+            fusion_model: "calibrated".to_owned(),
+            sensor_model: "56c3c30bcee61829".to_owned(),
+            posterior: [0.3, 0.0, 0.6, 0.1],
+            likeliest_change: "removed",
+            log_odds: 0.85,
+            evidence: 4.09,
+            evidence_fx: 0,
+            rest: -3.24,
+            agrees: true,
+            changed_after_ns: Some(1_772_000_000_000_000_000),
+            changed_before_ns: Some(1_772_100_000_000_000_000),
+            passes,
+            believed_less: vec![BelievedLess {
+                vehicle: "069f7106d3783554".to_owned(),
+                why: "sees 0.31 of what its fleet sees".to_owned(),
+            }],
+            flip: Some(WouldFlip {
+                passes: 1,
+                see_it: true,
+                verdict: "no_change",
+            }),
+            frames: vec![frame],
+        }
+    }
+
+    #[test]
+    fn an_explanation_reads_like_this() {
+        let text = text(&told());
+        let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
+        let expected = include_str!("explanation.txt");
+        assert_eq!(lines, expected.lines().collect::<Vec<_>>(), "{text}");
+    }
 }

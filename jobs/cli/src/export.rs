@@ -8,9 +8,10 @@ use std::path::Path;
 use tilefold_engine::Criteria;
 use tilefold_engine::export::{Amendment, Choice, View, chosen, write_amended, write_view};
 use tilefold_schemas::ChangeRecord;
-use tilefold_store::{Snapshot, Store};
+use tilefold_store::Snapshot;
 
 use crate::args::{Args, Export, Format};
+use crate::at::open;
 use crate::report::{Outcome, print_set_aside};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -26,7 +27,7 @@ const SHOWN: Criteria = Criteria {
 /// # Errors
 /// The store cannot be read, or the file not be written.
 pub(crate) fn export(args: &Args, asked: &Export) -> Result<Outcome> {
-    let snapshot = Store::open(asked.store.clone())?.snapshot(asked.version)?;
+    let snapshot = open(&asked.store, asked.version)?;
     let amendment = match args.format {
         Format::Lanelet2 => Some(Amendment::Lanelet2),
         Format::Osc => Some(Amendment::Osc),

@@ -1,6 +1,7 @@
 //! The command line: flags in, reports out. It owns no algorithm.
 
 mod args;
+mod at;
 mod calibration;
 mod command;
 mod compare;
@@ -9,10 +10,14 @@ mod evaluation;
 mod explanation;
 mod export;
 mod progress;
+mod rebase;
 mod reference;
+mod regions;
 mod report;
+mod retract;
 mod simulate;
 mod table;
+mod vacuum;
 
 use std::process::ExitCode;
 

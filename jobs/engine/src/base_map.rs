@@ -45,6 +45,25 @@ pub(crate) fn read(
     Ok((rows.into_values().collect(), set_aside))
 }
 
+/// As [`read`], but a map must have paint.
+///
+/// # Errors
+/// As [`read`], or there is no paint at all.
+pub(crate) fn read_painted(
+    maps: &[PathBuf],
+    tile_level: u32,
+) -> Result<(Vec<ElementRow>, Vec<SetAside>), EngineError> {
+    let (rows, set_aside) = read(maps, tile_level)?;
+    if rows.is_empty() {
+        let names: Vec<String> = maps.iter().map(|map| map.display().to_string()).collect();
+        return Err(EngineError::Nothing(format!(
+            "no paint in {} (line_thin, line_thick, stop_line, zebra_marking, arrow, ...): there is nothing to find changes of; give a map with markings",
+            names.join(", ")
+        )));
+    }
+    Ok((rows, set_aside))
+}
+
 fn file_name(file: &std::path::Path) -> String {
     file.file_name()
         .map(|name| name.to_string_lossy().into_owned())

@@ -11,10 +11,9 @@ use tilefold_store::{Snapshot, Store, TileFilter};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
 use crate::error::EngineError;
-use crate::map_job::MapOutput;
 use crate::meter::Meter;
 use crate::progress::Progress;
-use crate::run::{Update, read_elements};
+use crate::update::{Revision, Update, read_elements};
 
 /// A vehicle is reported if it sees less than this share of what its fleet sees...
 const POOR_DETECTION: f64 = 0.6;
@@ -85,7 +84,7 @@ pub fn calibrate(location: &Path, progress: &dyn Progress) -> Result<Calibration
     let map = MapIndex::new(read_elements(&snapshot, tile_level)?);
     let rows: Vec<EvidenceRow> = snapshot.read(TileFilter::All)?;
     let known: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
-    let sensor = fit::fit(&by_element(map.elements(), &rows));
+    let sensor = fit_to(map.elements(), &rows);
     let mut transaction = store.begin_from(snapshot)?;
     transaction.overwrite(sensor.to_rows())?;
     let update = Update {
@@ -96,7 +95,7 @@ pub fn calibrate(location: &Path, progress: &dyn Progress) -> Result<Calibration
         progress,
     };
     let (version, tiles_reduced) =
-        update.commit("calibrate", transaction, known, MapOutput::default())?;
+        update.commit("calibrate", transaction, known, Revision::default())?;
     Ok(Calibration {
         version,
         tiles_reduced,
@@ -104,6 +103,11 @@ pub fn calibrate(location: &Path, progress: &dyn Progress) -> Result<Calibration
         parameters: fitted(&sensor),
         outstanding: outstanding(&sensor),
     })
+}
+
+/// The sensor model that fits a ledger.
+pub(crate) fn fit_to(elements: &[MappedElement], rows: &[EvidenceRow]) -> SensorModel {
+    fit::fit(&by_element(elements, rows))
 }
 
 fn by_element<'a>(

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tilefold_reducers::{Fold, FusionModel, SensorModel};
 use tilefold_schemas::{Ledger, SetAside};
-use tilefold_store::{Parameters, Store, StoreProperties, digest_rows};
+use tilefold_store::{Parameters, Store, StoreError, StoreProperties, digest_rows};
 use tilefold_tiler::map_index::MapIndex;
 
 use crate::base_map;
@@ -49,14 +49,7 @@ pub fn init(
     options: &InitOptions,
 ) -> Result<InitReport, EngineError> {
     let tile_level = u32::from(options.tile_level);
-    let (rows, set_aside) = base_map::read(maps, tile_level)?;
-    if rows.is_empty() {
-        let names: Vec<String> = maps.iter().map(|map| map.display().to_string()).collect();
-        return Err(EngineError::Nothing(format!(
-            "no paint in {} (line_thin, line_thick, stop_line, zebra_marking, arrow, ...): there is nothing to find changes of; give a map with markings",
-            names.join(", ")
-        )));
-    }
+    let (rows, set_aside) = base_map::read_painted(maps, tile_level)?;
     let digest = digest_rows(rows.clone())?;
     let salt = options
         .salt
@@ -84,7 +77,7 @@ pub fn init(
     };
     let layers = nothing.layers(&tiles, |_| Ok(Ledger::default()))?;
 
-    let store = Store::create(location.to_path_buf(), properties)?;
+    let store = create(location, properties)?;
     let mut transaction = store.begin()?;
     let report = InitReport {
         store: store.location(),
@@ -102,4 +95,16 @@ pub fn init(
     transaction.overwrite(records.into_iter().flatten().collect())?;
     let version = transaction.commit("init", Parameters::new())?;
     Ok(InitReport { version, ..report })
+}
+
+/// A store without a map: a new one, or what a killed `init` of the same map left.
+fn create(location: &Path, properties: StoreProperties) -> Result<Store, EngineError> {
+    match Store::create(location.to_path_buf(), properties.clone()) {
+        Err(exists @ StoreError::Exists { .. }) => {
+            let store = Store::open(location.to_path_buf())?;
+            let is_left = *store.properties() == properties && store.latest_version()? == 0;
+            is_left.then_some(store).ok_or(exists.into())
+        }
+        made => Ok(made?),
+    }
 }

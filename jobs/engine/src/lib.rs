@@ -1,12 +1,14 @@
 //! A job from plan to commit: what the command line and the wheel both call.
 //!
-//! [`init()`] makes a store from a base map, [`run()`] brings new logs in, [`evaluate()`] scores
-//! the result. The engine owns memory, threads and progress; what is true is said by the map
+//! [`init()`] makes a store from a base map, [`run()`] brings new logs in, [`retract()`] takes them
+//! out, [`rebase()`] lays a new map under them, [`evaluate()`] scores the result. The engine owns memory, threads and progress; what is true is said by the map
 //! stage and the reduce stage, and kept by the store.
 
+mod accepted;
 mod base_map;
 pub mod calibrate;
 pub mod compare;
+pub mod drives;
 pub mod error;
 pub mod evaluate;
 pub mod explain;
@@ -18,9 +20,15 @@ pub mod meter;
 pub mod notes;
 mod picture;
 pub mod progress;
+pub mod rebase;
 pub mod reduce_job;
+pub mod retract;
 pub mod run;
+mod same_place;
+mod succession;
+mod update;
 
+pub use accepted::Accepted;
 pub use calibrate::{Calibration, calibrate};
 pub use error::EngineError;
 pub use evaluate::{Criteria, Evaluation, evaluate};
@@ -28,6 +36,9 @@ pub use explain::{Explanation, explain};
 pub use init::{InitOptions, InitReport, init};
 pub use meter::{Meter, Stage, StageReport};
 pub use progress::{Progress, Silent};
+pub use rebase::{RebaseReport, rebase};
+pub use retract::{Forget, RetractReport, retract};
 pub use run::{Plan, RunOptions, RunReport, plan, run};
 pub use tilefold_reducers::FusionModel;
+pub use tilefold_reducers::regions::regions;
 pub use tilefold_workers::Registering;

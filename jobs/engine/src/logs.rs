@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
 use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
 use tilefold_schemas::{SetAside, SetAsideKind};
-use tilefold_tiler::chunk::{CONTEXT_NS, window_bounds_ns, window_of};
+use tilefold_tiler::chunk::{CONTEXT_NS, WINDOW_NS, window_bounds_ns, window_of};
 use tilefold_tiler::recording::Recording;
 
 use crate::meter::{Meter, Stage};
@@ -168,8 +168,32 @@ pub struct Unit {
 pub struct UnitRecording {
     /// Per detection topic: everything that is needed to map it.
     pub channels: BTreeMap<String, Recording>,
+    /// What each of the unit's logs gave to it: indices into the catalogue.
+    pub given_by: BTreeMap<usize, Given>,
     /// What was lost.
     pub set_aside: Vec<SetAside>,
+}
+
+/// What one log gave to a unit.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Given {
+    /// Windows in which it has messages.
+    pub windows: BTreeSet<i64>,
+    /// Whether it has latched messages, which hold for all windows.
+    pub is_latched: bool,
+}
+
+impl UnitRecording {
+    /// The logs that the chunk of a window is made from, context included.
+    pub fn logs_of(&self, window: i64) -> impl Iterator<Item = usize> + '_ {
+        let reach = CONTEXT_NS / WINDOW_NS;
+        let context = window - reach..=window + reach;
+        let gave = move |given: &Given| {
+            given.is_latched || given.windows.range(context.clone()).next().is_some()
+        };
+        let logs = self.given_by.iter().filter(move |(_, given)| gave(given));
+        logs.map(|(&log, _)| log)
+    }
 }
 
 impl Unit {
@@ -204,7 +228,8 @@ impl Unit {
         let mut unit = UnitRecording::default();
         let mut shared: Vec<LogMessage> = Vec::new();
         for &log in &self.logs {
-            self.read_log(&catalogue.logs[log], &mut unit, &mut shared, meter);
+            let given = self.read_log(&catalogue.logs[log], &mut unit, &mut shared, meter);
+            unit.given_by.insert(log, given);
         }
         for recording in unit.channels.values_mut() {
             shared
@@ -221,7 +246,8 @@ impl Unit {
         unit: &mut UnitRecording,
         shared: &mut Vec<LogMessage>,
         meter: &Meter,
-    ) {
+    ) -> Given {
+        let mut given = Given::default();
         let wanted = wanted_topics(log);
         let (from_ns, to_ns) = self.read_range_ns();
         let mut other_clock = (0_u64, None);
@@ -236,6 +262,11 @@ impl Unit {
                 return;
             }
             let topic = &log.topics[message.topic];
+            if is_latched(topic) {
+                given.is_latched = true;
+            } else {
+                given.windows.insert(window_of(message.stamp_ns));
+            }
             // Vehicles hide lines from every channel.
             if matches!(message.payload, Payload::Detections(_)) {
                 unit.channels
@@ -249,11 +280,9 @@ impl Unit {
         let result = meter.time(Stage::Read, || {
             let mut reader = LogReader::new();
             // What was latched before the block still holds in it.
-            let is_latched = |index: usize, topic: &Topic| {
-                wanted.contains(&index)
-                    && (topic.kind == TopicKind::Calibration || topic.name.ends_with("tf_static"))
-            };
-            let before = reader.read(log, is_latched, i64::MIN..from_ns, &mut sink)?;
+            let latched =
+                |index: usize, topic: &Topic| wanted.contains(&index) && is_latched(topic);
+            let before = reader.read(log, latched, i64::MIN..from_ns, &mut sink)?;
             let is_wanted = |index: usize, _: &Topic| wanted.contains(&index);
             let mut report = reader.read(log, is_wanted, from_ns..to_ns, &mut sink)?;
             report.bytes_read += before.bytes_read;
@@ -284,7 +313,13 @@ impl Unit {
                     .times(count),
             );
         }
+        given
     }
+}
+
+/// Whether a topic's messages hold until the next one.
+fn is_latched(topic: &Topic) -> bool {
+    topic.kind == TopicKind::Calibration || topic.name.ends_with("tf_static")
 }
 
 /// Of every kind that is needed, the topic with the most messages; of detections, all.

@@ -22,7 +22,7 @@ pub struct Mapped {
 }
 
 /// What the map stage of a job made.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct MapOutput {
     /// New or better known chunks, by vehicle, channel and window.
     pub mapped: Vec<Mapped>,
@@ -34,8 +34,41 @@ pub struct MapOutput {
     pub set_aside: Vec<SetAside>,
 }
 
-/// Chunks of the store: digest and number of messages.
-pub type KnownChunks = BTreeMap<ChunkId, (i64, i32)>;
+/// A chunk of the store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Known {
+    /// Digest of the messages that it was made from.
+    pub digest: i64,
+    /// How many these were.
+    pub messages: i32,
+    /// Whether the base map around it has changed since.
+    pub is_outdated: bool,
+}
+
+impl Known {
+    /// What is known of a chunk by its row.
+    #[must_use]
+    pub fn of(row: &ChunkRow) -> Self {
+        Self {
+            digest: row.digest,
+            messages: row.messages,
+            is_outdated: row.map == 0,
+        }
+    }
+
+    /// Whether the same chunk, made from these messages, takes the place of this one. The greater of
+    /// two digests wins among equals, so that the order of runs does not matter.
+    #[must_use]
+    pub fn gives_way_to(&self, digest: i64, messages: i32) -> bool {
+        if digest == self.digest {
+            return self.is_outdated;
+        }
+        (messages, digest) > (self.messages, self.digest)
+    }
+}
+
+/// Chunks of the store.
+pub type KnownChunks = BTreeMap<ChunkId, Known>;
 
 /// Maps all units whose chunks the store does not know yet.
 #[must_use]
@@ -81,15 +114,12 @@ fn map_unit(
 ) -> MapOutput {
     let read = unit.read(catalogue, meter);
     let mut output = MapOutput {
-        set_aside: read.set_aside,
+        set_aside: read.set_aside.clone(),
         ..MapOutput::default()
     };
     let vehicle = VehicleKey::new(salt, &unit.vehicle);
-    let log = unit
-        .logs
-        .first()
-        .map(|&log| catalogue.logs[log].path.display().to_string())
-        .unwrap_or_default();
+    let name = |log: usize| catalogue.logs[log].path.display().to_string();
+    let log = unit.logs.first().map(|&log| name(log)).unwrap_or_default();
     for (topic, recording) in &read.channels {
         output.duplicates += recording.duplicates;
         let own = |window: &i64| (unit.windows.0..unit.windows.1).contains(window);
@@ -109,8 +139,8 @@ fn map_unit(
                         topic: Some(topic.clone()),
                         ..loss
                     }));
-                    let method = context.registering.method();
-                    let row = row(&chunk, method, topic, &log, &evidence);
+                    let logs: BTreeSet<String> = read.logs_of(window).map(name).collect();
+                    let row = row(&chunk, context, topic, logs, &evidence);
                     output.mapped.push(Mapped { row, evidence });
                 }
                 Err(error) => output.set_aside.push(
@@ -127,16 +157,13 @@ fn map_unit(
 
 /// Whether the store has the chunk already, from these messages or from more of them.
 fn is_known(chunk: &Chunk, known: &KnownChunks, log: &str, output: &mut MapOutput) -> bool {
-    let Some(&(digest, messages)) = known.get(&chunk.id) else {
+    let Some(known) = known.get(&chunk.id) else {
         return false;
     };
-    if digest == chunk.digest {
+    let is_better = known.gives_way_to(chunk.digest, message_count(&chunk.recording));
+    if known.digest == chunk.digest && !is_better {
         output.known += 1;
-        return true;
-    }
-    // The greater of two digests wins among equals, so that the order of runs does not matter.
-    let is_better = (message_count(&chunk.recording), chunk.digest) > (messages, digest);
-    if !is_better {
+    } else if !is_better {
         let reason = "the store has evidence of this window from more messages of this vehicle";
         output.set_aside.push(
             SetAside::new(SetAsideKind::Frame, log, reason)
@@ -160,7 +187,13 @@ fn message_count(recording: &Recording) -> i32 {
     i32::try_from(count).unwrap_or(i32::MAX)
 }
 
-fn row(chunk: &Chunk, method: i32, topic: &str, log: &str, evidence: &Evidence) -> ChunkRow {
+fn row(
+    chunk: &Chunk,
+    context: &MapContext,
+    topic: &str,
+    logs: BTreeSet<String>,
+    evidence: &Evidence,
+) -> ChunkRow {
     let (from_ns, to_ns) = chunk.bounds_ns();
     let own = between(&chunk.recording.detections, from_ns, to_ns);
     let rows = evidence.rows.iter().map(|row| row.tile);
@@ -168,20 +201,29 @@ fn row(chunk: &Chunk, method: i32, topic: &str, log: &str, evidence: &Evidence) 
     let footprints = evidence.footprints.iter().map(|row| row.tile);
     let tiles: BTreeSet<i32> = rows.chain(sightings).chain(footprints).collect();
     let tiles: Vec<String> = tiles.iter().map(i32::to_string).collect();
+    let (low, high) = evidence.confronted;
+    let (given_from_ns, given_to_ns) = chunk.recording.span_ns().unwrap_or((from_ns, from_ns));
     ChunkRow {
         vehicle: chunk.id.vehicle.0,
         channel: chunk.id.channel,
         window: chunk.id.window,
         digest: chunk.digest,
-        method,
+        method: context.registering.method(),
         model: 0,
         messages: message_count(&chunk.recording),
         tiles: tiles.join(","),
         topic: topic.to_owned(),
-        log: log.to_owned(),
+        log: logs.into_iter().collect::<Vec<_>>().join("\n"),
         frames: own.len() as i32,
         frames_set_aside: (own.len() as u64).saturating_sub(evidence.frames) as i32,
         first_ns: own.first().map_or(from_ns, |frame| frame.stamp_ns),
         last_ns: own.last().map_or(from_ns, |frame| frame.stamp_ns),
+        given_from_ns,
+        given_to_ns,
+        xmin: low[0],
+        ymin: low[1],
+        xmax: high[0],
+        ymax: high[1],
+        map: context.map.digest_within(low, high),
     }
 }

@@ -58,7 +58,10 @@ impl Reduce<'_> {
         tiles: &BTreeSet<TileId>,
         mut rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
     ) -> Result<Vec<Layer>, EngineError> {
-        let mut tiles: BTreeSet<TileId> = tiles.union(&self.tiles_beside()).copied().collect();
+        let mut tiles: BTreeSet<TileId> = tiles
+            .union(&self.tiles_beside(self.sightings))
+            .copied()
+            .collect();
         self.progress.begin(Stage::Reduce, tiles.len() as u64);
         let mut rows = self.by_tile(rows_of(&tiles)?);
         let mut records = self.elements(&tiles, &rows);
@@ -89,9 +92,8 @@ impl Reduce<'_> {
     }
 
     /// Owners of the lines that lie beside a sighting: what is new there may be such a line, moved.
-    fn tiles_beside(&self) -> BTreeSet<TileId> {
-        let lines = self
-            .sightings
+    pub(crate) fn tiles_beside(&self, sightings: &[Sighting]) -> BTreeSet<TileId> {
+        let lines = sightings
             .iter()
             .filter(|sighting| sighting.kind == ElementKind::LaneMarking.code());
         let mut tiles = BTreeSet::new();

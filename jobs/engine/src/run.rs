@@ -1,30 +1,31 @@
 //! `run`: new logs in, a new version out.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use tilefold_reducers::{Fold, FusionModel};
 use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{
-    ChunkId, ChunkRow, EvidenceRow, LayerHeader, Ledger, SetAside, Testified, TileId,
-};
-use tilefold_store::{Parameters, Snapshot, Store, StoredTable, TileFilter, Transaction};
-use tilefold_tiler::map_index::{MapIndex, MappedElement};
+use tilefold_schemas::table::Table;
+use tilefold_schemas::{ChunkRow, SetAside};
+use tilefold_store::{Snapshot, Store, StoreError, TileFilter};
+use tilefold_tiler::map_index::MapIndex;
 use tilefold_workers::{MapContext, Registering};
 
-use crate::base_map;
 use crate::calibrate;
 use crate::error::EngineError;
 use crate::logs::Catalogue;
-use crate::map_job::{KnownChunks, MapOutput, map_units};
-use crate::meter::{Meter, Stage, StageReport};
+use crate::map_job::{Known, KnownChunks, Mapped, map_units};
+use crate::meter::{Meter, StageReport};
 use crate::notes::{self, MountingNote, Without};
 use crate::progress::Progress;
-use crate::reduce_job::{Layer, Reduce};
+use crate::update::{Revision, Update};
 
-/// Parameter of a commit: the time that it is as of.
-pub(crate) const AS_OF: &str = "as_of_ns";
+pub(crate) use crate::update::AS_OF;
+pub use crate::update::read_elements;
+
+/// How often what was mapped is folded onto a version that another writer made meanwhile.
+const ATTEMPTS: usize = 32;
 
 /// What a run did.
 #[derive(Debug, Clone, Serialize)]
@@ -112,9 +113,12 @@ impl From<FusionModel> for RunOptions {
 
 /// Maps what is new in `logs`, folds what it touches, and commits a version.
 ///
+/// Where another writer commits meanwhile, what was mapped is folded onto that version, unless its
+/// base map is another one.
+///
 /// # Errors
-/// The store cannot be read or written, its evidence was made by another method, or another writer
-/// was faster. Nothing has changed then.
+/// The store cannot be read or written, its evidence was made by another method, or other writers
+/// were faster. Nothing has changed then.
 pub fn run(
     location: &Path,
     logs: &[PathBuf],
@@ -134,7 +138,6 @@ pub fn run(
         tile_level,
         registering: options.registering,
     };
-    let sensor = calibrate::sensor_model(&snapshot)?;
     let known_rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
     check_method(&known_rows, options.registering.method())?;
     let salt = &store.properties().salt;
@@ -162,24 +165,105 @@ pub fn run(
         wall_s: 0.0,
         set_aside: sorted(catalogue.set_aside.iter().chain(&mapped.set_aside)),
     };
-    let transaction = store.begin_from(snapshot)?;
-    let update = Update {
-        map: &context.map,
-        tile_level,
-        fold: &Fold {
-            as_of_ns: options.as_of_ns,
-            ..Fold::of_fleet(options.model, sensor)
-        },
+    let folding = Folding {
+        context: &context,
+        options,
         meter: &meter,
         progress,
     };
-    let (version, tiles) = update.commit("run", transaction, known_rows, mapped)?;
-    report.is_new_version = version != report.version;
-    report.version = version;
-    report.tiles_reduced = tiles;
+    let folded = folding.commit(snapshot, known_rows, mapped.mapped)?;
+    report.is_new_version = folded.is_new_version;
+    report.version = folded.version;
+    report.tiles_reduced = folded.tiles;
     report.stages = meter.report();
     report.wall_s = meter.elapsed_s();
     Ok(report)
+}
+
+/// What came of it.
+struct Folded {
+    version: i64,
+    /// Whether this job made it.
+    is_new_version: bool,
+    tiles: usize,
+}
+
+/// What was mapped, on its way into the store.
+struct Folding<'a> {
+    context: &'a MapContext,
+    options: RunOptions,
+    meter: &'a Meter,
+    progress: &'a dyn Progress,
+}
+
+impl Folding<'_> {
+    /// Commits onto `snapshot`, or onto what other writers make of it meanwhile.
+    fn commit(
+        &self,
+        mut snapshot: Snapshot,
+        mut known: Vec<ChunkRow>,
+        mut mapped: Vec<Mapped>,
+    ) -> Result<Folded, EngineError> {
+        let mut attempts = ATTEMPTS;
+        loop {
+            attempts -= 1;
+            let conflict = match self.commit_onto(&snapshot, known, mapped.clone()) {
+                Err(EngineError::Store(
+                    error @ (StoreError::Conflict { .. } | StoreError::Busy { .. }),
+                )) if attempts > 0 => error,
+                done => {
+                    let (version, tiles) = done?;
+                    return Ok(Folded {
+                        version,
+                        is_new_version: version != snapshot.version(),
+                        tiles,
+                    });
+                }
+            };
+            let latest = snapshot.store().snapshot(None)?;
+            let map = |snapshot: &Snapshot| snapshot.info().pins.get(ElementRow::NAME).cloned();
+            if map(&latest) != map(&snapshot) {
+                return Err(conflict.into());
+            }
+            snapshot = latest;
+            known = snapshot.read(TileFilter::All)?;
+            check_method(&known, self.options.registering.method())?;
+            keep_better(&mut mapped, &known_chunks(&known));
+        }
+    }
+
+    fn commit_onto(
+        &self,
+        snapshot: &Snapshot,
+        known: Vec<ChunkRow>,
+        mapped: Vec<Mapped>,
+    ) -> Result<(i64, usize), EngineError> {
+        let sensor = calibrate::sensor_model(snapshot)?;
+        let update = Update {
+            map: &self.context.map,
+            tile_level: self.context.tile_level,
+            fold: &Fold {
+                as_of_ns: self.options.as_of_ns,
+                ..Fold::of_fleet(self.options.model, sensor)
+            },
+            meter: self.meter,
+            progress: self.progress,
+        };
+        let revision = Revision {
+            mapped,
+            ..Revision::default()
+        };
+        let transaction = snapshot.store().begin_from(snapshot.clone())?;
+        update.commit("run", transaction, known, revision)
+    }
+}
+
+/// Drops what another writer brought as well.
+fn keep_better(mapped: &mut Vec<Mapped>, known: &KnownChunks) {
+    mapped.retain(|chunk| {
+        let known = known.get(&chunk.row.chunk());
+        known.is_none_or(|known| known.gives_way_to(chunk.row.digest, chunk.row.messages))
+    });
 }
 
 /// Evidence of two methods is never added up.
@@ -200,217 +284,7 @@ fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
     all
 }
 
-/// The base map of a version.
-///
-/// # Errors
-/// The store is damaged.
-pub fn read_elements(
-    snapshot: &Snapshot,
-    tile_level: u32,
-) -> Result<Vec<MappedElement>, EngineError> {
-    let rows: Vec<ElementRow> = snapshot.read(TileFilter::All)?;
-    rows.into_iter()
-        .map(|row| base_map::from_row(row, tile_level))
-        .collect()
-}
-
 fn known_chunks(rows: &[ChunkRow]) -> KnownChunks {
-    let known = rows
-        .iter()
-        .map(|row| (row.chunk(), (row.digest, row.messages)));
+    let known = rows.iter().map(|row| (row.chunk(), Known::of(row)));
     known.collect()
-}
-
-fn tiles_of(row: &ChunkRow) -> impl Iterator<Item = TileId> + '_ {
-    let tiles = row.tiles.split(',').filter_map(|tile| tile.parse().ok());
-    tiles.map(TileId)
-}
-
-/// From mapped chunks to a committed version.
-pub(crate) struct Update<'a> {
-    pub(crate) map: &'a MapIndex,
-    pub(crate) tile_level: u32,
-    pub(crate) fold: &'a Fold,
-    pub(crate) meter: &'a Meter,
-    pub(crate) progress: &'a dyn Progress,
-}
-
-impl Update<'_> {
-    /// Commits; returns the version and how many tiles were reduced.
-    pub(crate) fn commit(
-        &self,
-        operation: &str,
-        mut transaction: Transaction,
-        known: Vec<ChunkRow>,
-        output: MapOutput,
-    ) -> Result<(i64, usize), EngineError> {
-        if output.mapped.is_empty() && !self.changes_model(transaction.base())? {
-            return Ok((transaction.base().version(), 0));
-        }
-        let (mut chunks, mut rows, mut sightings, mut footprints) =
-            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for mapped in output.mapped {
-            chunks.push(mapped.row);
-            rows.extend(mapped.evidence.rows);
-            sightings.extend(mapped.evidence.sightings);
-            footprints.extend(mapped.evidence.footprints);
-        }
-        let new: BTreeSet<ChunkId> = chunks.iter().map(ChunkRow::chunk).collect();
-        let (replaced, kept): (Vec<ChunkRow>, Vec<ChunkRow>) = known
-            .into_iter()
-            .partition(|row| new.contains(&row.chunk()));
-        let touched: BTreeSet<TileId> = chunks.iter().chain(&replaced).flat_map(tiles_of).collect();
-
-        self.progress.begin(Stage::Exchange, 3);
-        let rows = self.exchange(&mut transaction, &touched, &new, rows)?;
-        self.exchange(&mut transaction, &touched, &new, sightings.clone())?;
-        self.exchange(&mut transaction, &touched, &new, footprints.clone())?;
-        self.progress.end(Stage::Exchange);
-        let base = transaction.base().clone();
-        let sightings = self.all(&base, &new, sightings)?;
-        let footprints = self.all(&base, &new, footprints)?;
-        chunks.extend(kept);
-        transaction.overwrite(chunks)?;
-
-        let tiles = self.dirty_tiles(&base, &touched)?;
-        let reduce = Reduce {
-            map: self.map,
-            tile_level: self.tile_level,
-            sightings: &sightings,
-            footprints: &footprints,
-            fold: self.fold,
-            meter: self.meter,
-            progress: self.progress,
-        };
-        let layers = reduce.layers(&tiles, |tiles| self.rows_of(&base, tiles, &touched, &rows))?;
-        let layers = self.changed(&base, layers)?;
-        let count = layers.len();
-        self.progress.begin(Stage::Commit, count as u64);
-        let version = self.meter.time(Stage::Commit, || {
-            write_layers(&mut transaction, layers)?;
-            Ok::<_, EngineError>(transaction.commit(operation, self.parameters())?)
-        })?;
-        self.meter.count(Stage::Commit, count as u64, 0);
-        self.progress.end(Stage::Commit);
-        Ok((version, count))
-    }
-
-    /// What the commit says of how it was folded.
-    fn parameters(&self) -> Parameters {
-        let model = self.fold.model.name().to_owned();
-        let mut parameters = Parameters::from([("fusion_model".to_owned(), model.into())]);
-        if let Some(as_of_ns) = self.fold.as_of_ns {
-            parameters.insert(AS_OF.to_owned(), as_of_ns.into());
-        }
-        parameters
-    }
-
-    /// Whether layers were made as of another time than the one asked for.
-    fn is_as_of_other_time(&self, base: &Snapshot) -> bool {
-        let as_of_ns = base.info().parameters.get(AS_OF);
-        as_of_ns.and_then(serde_json::Value::as_i64) != self.fold.as_of_ns
-    }
-
-    /// Whether layers were made with another model than the one asked for, or as of another time.
-    fn changes_model(&self, base: &Snapshot) -> Result<bool, EngineError> {
-        if self.is_as_of_other_time(base) {
-            return Ok(true);
-        }
-        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        Ok(headers.iter().any(|header| self.is_other_model(header)))
-    }
-
-    fn is_other_model(&self, header: &LayerHeader) -> bool {
-        header.fusion_model != self.fold.model.name()
-            || header.sensor_model != self.fold.sensor.id()
-    }
-
-    /// Replaces what the touched tiles hold of `new` chunks; returns all their rows.
-    fn exchange<R: Testified + StoredTable>(
-        &self,
-        transaction: &mut Transaction,
-        touched: &BTreeSet<TileId>,
-        new: &BTreeSet<ChunkId>,
-        rows: Vec<R>,
-    ) -> Result<Ledger<R>, EngineError> {
-        let count = rows.len() as u64;
-        let ledger = self.meter.time(Stage::Exchange, || {
-            let known = Ledger::of(transaction.base().read(TileFilter::Tiles(touched))?);
-            let ledger = known.subtract(new).merge(Ledger::of(rows));
-            transaction.replace_tiles(touched, ledger.rows().to_vec())?;
-            Ok::<_, EngineError>(ledger)
-        })?;
-        self.meter.count(Stage::Exchange, count, 0);
-        self.progress.advance(Stage::Exchange, 1, 0);
-        Ok(ledger)
-    }
-
-    /// All rows of a table as they will be.
-    fn all<R: Testified + StoredTable>(
-        &self,
-        base: &Snapshot,
-        new: &BTreeSet<ChunkId>,
-        rows: Vec<R>,
-    ) -> Result<Vec<R>, EngineError> {
-        let known = Ledger::of(base.read(TileFilter::All)?);
-        let ledger = known.subtract(new).merge(Ledger::of(rows));
-        Ok(ledger.into_rows())
-    }
-
-    /// Tiles with new evidence, with additions, or with another model's layer.
-    fn dirty_tiles(
-        &self,
-        base: &Snapshot,
-        touched: &BTreeSet<TileId>,
-    ) -> Result<BTreeSet<TileId>, EngineError> {
-        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        let is_as_of_other_time = self.is_as_of_other_time(base);
-        let others = headers
-            .iter()
-            .filter(|header| header.added > 0 || is_as_of_other_time || self.is_other_model(header))
-            .map(|header| TileId(header.tile));
-        Ok(touched.iter().copied().chain(others).collect())
-    }
-
-    /// The layers that are not in the store as they are.
-    fn changed(&self, base: &Snapshot, layers: Vec<Layer>) -> Result<Vec<Layer>, EngineError> {
-        let headers: Vec<LayerHeader> = base.read(TileFilter::All)?;
-        let known: BTreeMap<i32, LayerHeader> = headers
-            .into_iter()
-            .map(|header| (header.tile, header))
-            .collect();
-        let is_new = |layer: &Layer| known.get(&layer.header.tile) != Some(&layer.header);
-        Ok(layers.into_iter().filter(is_new).collect())
-    }
-
-    /// Ledger rows of tiles: those at hand of touched ones, and the store's of others.
-    fn rows_of(
-        &self,
-        base: &Snapshot,
-        tiles: &BTreeSet<TileId>,
-        touched: &BTreeSet<TileId>,
-        at_hand: &Ledger<EvidenceRow>,
-    ) -> Result<Ledger<EvidenceRow>, EngineError> {
-        let at_hand = at_hand.clone().within(tiles);
-        let others: BTreeSet<TileId> = tiles.difference(touched).copied().collect();
-        if others.is_empty() {
-            return Ok(at_hand);
-        }
-        let stored = Ledger::of(base.read(TileFilter::Tiles(&others))?);
-        Ok(at_hand.merge(stored))
-    }
-}
-
-fn write_layers(transaction: &mut Transaction, layers: Vec<Layer>) -> Result<(), EngineError> {
-    let tiles: BTreeSet<TileId> = layers
-        .iter()
-        .map(|layer| TileId(layer.header.tile))
-        .collect();
-    let (headers, records): (Vec<_>, Vec<_>) = layers
-        .into_iter()
-        .map(|layer| (layer.header, layer.records))
-        .unzip();
-    transaction.replace_tiles(&tiles, records.into_iter().flatten().collect())?;
-    transaction.replace_tiles(&tiles, headers)?;
-    Ok(())
 }

@@ -73,7 +73,7 @@ pub struct Drift {
 impl Drift {
     /// Measures it by what was paired in each glimpse (capture order).
     #[must_use]
-    pub fn measure(glimpses: &[&Glimpse<'_>], pairs: &[Vec<Pair>]) -> Self {
+    pub fn measure(glimpses: &[Glimpse<'_>], pairs: &[Vec<Pair>]) -> Self {
         let origin_ns = glimpses.first().map_or(0, |g| g.look.pose.stamp_ns);
         let mut drift = Self {
             origin_ns,

@@ -203,7 +203,7 @@ impl<'a> Drive<'a> {
             seen,
             mapped: used.mapped.to_vec(),
         };
-        let matches = match_lines(&cross_cut, registration.offset_m);
+        let matches = match_lines(&cross_cut, registration.offset_m, 0.0);
         for pair in matches.pairs.iter().filter(|pair| !pair.is_ambiguous) {
             let seen = &cross_cut.seen[pair.seen];
             let mapped = &cross_cut.mapped[pair.mapped];

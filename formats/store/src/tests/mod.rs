@@ -9,4 +9,5 @@ mod oracle;
 mod round_trip;
 mod rows;
 mod time_travel;
+mod vacuum;
 mod writers;

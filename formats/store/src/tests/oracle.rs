@@ -11,7 +11,9 @@ use arrow_array::{Array, ArrayRef};
 use arrow_schema::DataType;
 use serde_json::{Value, json};
 use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting};
+use tilefold_schemas::{
+    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, SensorRow, Sighting,
+};
 
 use super::rows::{parameters, properties, rows, tile, tiles};
 use crate::{Snapshot, Store, StoredTable, TileFilter, Transaction};
@@ -30,6 +32,7 @@ fn fill_all(store: &Store, seed: u64) {
     fill::<Sighting>(&mut tx, seed);
     fill::<Footprint>(&mut tx, seed);
     fill::<ChunkRow>(&mut tx, seed);
+    fill::<SensorRow>(&mut tx, seed);
     fill::<ChangeRecord>(&mut tx, seed);
     fill::<LayerHeader>(&mut tx, seed);
     tx.commit("run", parameters()).unwrap();
@@ -109,6 +112,7 @@ fn expectation(store: &Store, version: i64) -> Value {
     table::<Sighting>(&snapshot, &mut tables);
     table::<Footprint>(&snapshot, &mut tables);
     table::<ChunkRow>(&snapshot, &mut tables);
+    table::<SensorRow>(&snapshot, &mut tables);
     table::<ChangeRecord>(&snapshot, &mut tables);
     table::<LayerHeader>(&snapshot, &mut tables);
     json!({"version": version, "tables": tables})

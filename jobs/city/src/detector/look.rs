@@ -2,8 +2,8 @@
 
 use tilefold_schemas::element::{ElementKind, SignClass};
 
-use super::Sight;
 use super::phantom::Phantoms;
+use super::{LEAST_POINTS, Piece, Sight};
 use crate::course::Motion;
 use crate::noise::DetectorNoise;
 use crate::traffic::Vehicle;
@@ -15,8 +15,6 @@ const HALF_ANGLE_TAN: f64 = 0.8;
 pub(super) const CAMERA_M: f64 = 1.4;
 /// Pieces of lines that lie this near to each other are one line, in metres.
 const JOIN_M: f64 = 0.3;
-/// The fewest points that make a line.
-const LEAST_POINTS: usize = 3;
 
 /// A look from one place.
 pub(super) struct Look<'a> {
@@ -81,7 +79,10 @@ impl<'a> Look<'a> {
             if paint.kind == ElementKind::LaneMarking && phantoms.haunts(key, self.noise.miss.ghost)
             {
                 sights.extend(self.line(&paint.points).map(|points| Sight {
-                    element: None,
+                    pieces: vec![Piece {
+                        element: None,
+                        points: points.len(),
+                    }],
                     ..sight(key, paint, points)
                 }));
             }
@@ -157,7 +158,10 @@ impl<'a> Look<'a> {
 fn sight(key: usize, paint: &Paint, points: Vec<[f64; 2]>) -> Sight {
     Sight {
         key,
-        element: Some(paint.id),
+        pieces: vec![Piece {
+            element: Some(paint.id),
+            points: points.len(),
+        }],
         kind: paint.kind,
         marking: paint.marking,
         color: paint.color,
@@ -212,14 +216,19 @@ fn partner(sights: &[Sight], first: usize) -> Option<usize> {
     })
 }
 
-/// The longer piece says whose line it is.
+/// The longer piece says how the line is remembered and worn. Where the two touch, the head's last
+/// point stands.
 fn join(head: &mut Sight, tail: Sight) {
     if tail.points.len() > head.points.len() {
-        head.element = tail.element;
         head.key = tail.key;
         head.wear = tail.wear;
     }
     head.points.extend(tail.points.into_iter().skip(1));
+    let mut pieces = tail.pieces;
+    if let Some(first) = pieces.first_mut() {
+        first.points -= 1;
+    }
+    head.pieces.extend(pieces);
 }
 
 /// Points at even distances along a line, from its first to its last.

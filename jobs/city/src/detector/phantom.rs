@@ -10,7 +10,7 @@ use tilefold_schemas::element::{Color, ElementKind, Marking, SignClass};
 use tilefold_schemas::log::Detection;
 
 use super::look::Look;
-use super::{Seen, Sight, rounded};
+use super::{Part, Piece, Seen, Sight, rounded};
 use crate::city::City;
 use crate::course::Course;
 use crate::curve::Place;
@@ -218,14 +218,17 @@ fn false_line(points: &[[f64; 2]]) -> Seen {
     };
     Seen {
         detection,
-        element: None,
+        parts: vec![Part::whole(None)],
     }
 }
 
 fn sight(key: usize, points: Vec<[f64; 2]>) -> Sight {
     Sight {
         key,
-        element: None,
+        pieces: vec![Piece {
+            element: None,
+            points: points.len(),
+        }],
         kind: ElementKind::LaneMarking,
         marking: Marking::Solid,
         color: Color::White,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use tilefold_schemas::element::{Color, ElementKind, Marking, SignClass};
 use tilefold_schemas::log::Detection;
 
-use super::{Seen, Sight, rounded};
+use super::{LEAST_POINTS, Part, Piece, Seen, Sight, rounded};
 use crate::noise::DetectorNoise;
 use crate::random::Random;
 
@@ -20,8 +20,6 @@ const ARROWS: [SignClass; 5] = [
 ];
 /// A line is forgotten that was not before the camera for this many frames: a new pass begins.
 const FORGET_FRAMES: u64 = 100;
-/// The fewest points that make a line.
-const LEAST_POINTS: usize = 3;
 
 /// What is remembered of a thing in one pass.
 struct Memory {
@@ -95,8 +93,11 @@ impl Temper {
         let aside_m = points.get(points.len() / 2)?[1].abs();
         self.remember(sight, aside_m);
         let is_told = self.is_told(sight, aside_m, period_s, driven_m);
+        let mut owners = sight.owners();
         match sight.kind {
-            ElementKind::LaneMarking => self.waver(sight.key, &mut points, aside_m, period_s),
+            ElementKind::LaneMarking => {
+                self.waver(sight.key, (&mut points, &mut owners), aside_m, period_s);
+            }
             _ => self.displace(&mut points),
         }
         let reading = self.read(sight);
@@ -111,10 +112,12 @@ impl Temper {
             score: self.score(),
             points: rounded(&points),
         };
-        Some(Seen {
-            detection,
-            element: sight.element,
-        })
+        let ahead_m: Vec<f64> = points.iter().map(|point| point[0]).collect();
+        let parts = match sight.pieces[..] {
+            [Piece { element, .. }] => vec![Part::whole(element)],
+            _ => sight.parts(&owners, &ahead_m),
+        };
+        Some(Seen { detection, parts })
     }
 
     /// A pass begins with what it draws for its whole length.
@@ -161,7 +164,13 @@ impl Temper {
     }
 
     /// A line is given aside of where it is, turned, and only a stretch of it.
-    fn waver(&mut self, key: usize, points: &mut Vec<[f64; 2]>, aside_m: f64, period_s: f64) {
+    fn waver(
+        &mut self,
+        key: usize,
+        (points, owners): (&mut Vec<[f64; 2]>, &mut Vec<usize>),
+        aside_m: f64,
+        period_s: f64,
+    ) {
         let (view, lateral) = (&self.noise.view, &self.noise.lateral);
         let random = &mut self.random;
         let Some(memory) = self.memories.get_mut(&key) else {
@@ -177,7 +186,13 @@ impl Temper {
             + memory.stays * between(lateral.pass_ahead_m, lateral.pass_aside_m);
         let slope = memory.turn * lateral.slope_deg.to_radians();
         let reach = random.unit();
-        points.retain(|[x_m, _]| view.reach.at(*x_m) >= reach);
+        let is_told: Vec<bool> = (points.iter())
+            .map(|[x_m, _]| view.reach.at(*x_m) >= reach)
+            .collect();
+        let mut told = is_told.iter();
+        owners.retain(|_| told.next() == Some(&true));
+        let mut told = is_told.iter();
+        points.retain(|_| told.next() == Some(&true));
         let middle_m = points.get(points.len() / 2).map_or(0.0, |point| point[0]);
         let ranging = memory.waver * lateral.per_metre;
         for [x_m, y_m] in points {

@@ -5,5 +5,6 @@
 mod commands;
 mod damage;
 mod errors;
+mod explain;
 mod exports;
 mod support;

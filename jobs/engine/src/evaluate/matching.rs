@@ -1,6 +1,10 @@
 //! Matching against truth ids: the map stage is run once more over the logs, and what it takes each
 //! detection for is held against what the detection is of. Nothing is written.
 //!
+//! What is counted are the parts of detections that are of one element each: the map cuts lines into
+//! ways where nobody sees it, and a detection over such a border is of both ways. A part is matched
+//! to what the map stage takes its middle for.
+//!
 //! Only lane markings count: areas are confronted over a whole drive, not frame by frame.
 //!
 //! Eq 23 and 24 of the paper, as we read them: of what was matched, the share that was matched
@@ -12,13 +16,13 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use tilefold_formats::matching_truth::MatchingTruth;
+use tilefold_formats::matching_truth::{MatchingTruth, Part};
 use tilefold_schemas::{ChunkRow, Element, ElementId, ElementKind, VehicleKey};
 use tilefold_store::{Snapshot, TileFilter};
 use tilefold_tiler::chunk;
 use tilefold_tiler::map_index::MapIndex;
 use tilefold_tiler::recording::between;
-use tilefold_workers::trace::assignments;
+use tilefold_workers::trace::{Assignment, assignments};
 use tilefold_workers::{MapContext, Registering, map_chunk_traced};
 
 use crate::error::EngineError;
@@ -30,7 +34,7 @@ use crate::run::read_elements;
 /// How well detections are matched to map elements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Matching {
-    /// Detections that the truth knows.
+    /// Detections that the truth knows; those of several elements count for each.
     pub detections: u64,
     /// Share of the matched detections that were matched to their element (Eq 23).
     pub r_match: Option<f64>,
@@ -173,23 +177,28 @@ impl Comparison<'_> {
                 let Some(chunk) = chunk::cut(recording, vehicle, topic, window) else {
                     continue;
                 };
-                let mut matches: BTreeMap<(i64, usize), ElementId> = BTreeMap::new();
+                let mut matches: BTreeMap<(i64, usize), Vec<Assignment>> = BTreeMap::new();
                 // A chunk without a trajectory matches nothing.
                 let _ = map_chunk_traced(&chunk, &self.context, |frame, map| {
-                    let assigned = assignments(frame, map);
-                    matches.extend(assigned.map(|a| ((a.stamp_ns, a.detection), a.element)));
+                    for assigned in assignments(frame, map) {
+                        let of = (assigned.stamp_ns, assigned.detection);
+                        matches.entry(of).or_default().push(assigned);
+                    }
                 });
                 let (from_ns, to_ns) = chunk.bounds_ns();
                 for frame in between(&chunk.recording.detections, from_ns, to_ns) {
                     let at = frame.stamp_ns;
                     let known = self.truth.frame(&unit.vehicle, topic, at);
-                    for (&detection, &element) in known.into_iter().flatten() {
-                        let mapped = element.and_then(|element| self.mapped(element));
+                    let parts = known.into_iter().flatten();
+                    let parts = parts.flat_map(|(of, parts)| parts.iter().map(move |p| (of, p)));
+                    for (&detection, part) in parts {
+                        let mapped = part.element.and_then(|element| self.mapped(element));
                         if mapped.is_some_and(|mapped| mapped.kind != ElementKind::LaneMarking) {
                             continue;
                         }
                         let mapped = mapped.map(|mapped| mapped.id.0);
-                        let matched = matches.get(&(at, detection)).map(|element| element.0);
+                        let assigned = matches.get(&(at, detection)).map_or(&[][..], Vec::as_slice);
+                        let matched = taken_for(assigned, part).map(|element| element.0);
                         counts.count(mapped, matched);
                     }
                 }
@@ -203,6 +212,15 @@ impl Comparison<'_> {
         let found = elements.binary_search_by_key(&element, |mapped| mapped.element.id.0);
         Some(&elements[found.ok()?].element)
     }
+}
+
+/// What the middle of a part was taken for.
+fn taken_for(assigned: &[Assignment], part: &Part) -> Option<ElementId> {
+    let middle = 0.5 * (part.shares[0] + part.shares[1]);
+    let is_there = |of: &&Assignment| (of.shares[0]..=of.shares[1]).contains(&middle);
+    let there = assigned.iter().find(is_there);
+    let taken = there.or_else(|| assigned.iter().find(|of| of.is_main));
+    taken.map(|of| of.element)
 }
 
 #[cfg(test)]
@@ -230,5 +248,49 @@ mod tests {
         assert_eq!(matching.r_recall, Some(2.0 / 4.0));
         assert_eq!(matching.assignment, Some(3.0 / 6.0));
         assert_eq!(Counts::default().matching().r_match, None);
+    }
+
+    #[test]
+    fn a_part_is_taken_for_what_its_middle_is_taken_for() {
+        let assigned = |element, shares, is_main| Assignment {
+            stamp_ns: 0,
+            detection: 0,
+            element: ElementId(element),
+            shares,
+            is_main,
+        };
+        let both = [
+            assigned(1, [0.45, 1.0], true),
+            assigned(2, [0.0, 0.45], false),
+        ];
+        let taken = |shares| {
+            let part = Part {
+                element: None,
+                shares,
+            };
+            taken_for(&both, &part).map(|element| element.0)
+        };
+        assert_eq!(taken([0.0, 0.4]), Some(2));
+        assert_eq!(taken([0.4, 1.0]), Some(1));
+        assert_eq!(
+            taken_for(
+                &both[..1],
+                &Part {
+                    element: None,
+                    shares: [0.0, 0.2]
+                }
+            ),
+            Some(ElementId(1))
+        );
+        assert_eq!(
+            taken_for(
+                &[],
+                &Part {
+                    element: None,
+                    shares: [0.0, 1.0]
+                }
+            ),
+            None
+        );
     }
 }

@@ -1,0 +1,41 @@
+//! Which version a command reads: by number, or as of a time.
+
+use std::path::Path;
+
+use tilefold_store::{Snapshot, Store, StoreError};
+
+/// A version by its number, or the one that was the latest at an instant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum At {
+    /// Its number.
+    Version(i64),
+    /// Milliseconds since the Unix epoch.
+    Instant(i64),
+}
+
+/// Reads a number, or a time like 2026-03-15T00:00:00Z.
+///
+/// # Errors
+/// It is neither.
+pub(crate) fn at(text: &str) -> Result<At, String> {
+    if let Ok(version) = text.parse() {
+        return Ok(At::Version(version));
+    }
+    let time = chrono::DateTime::parse_from_rfc3339(text).map_err(|error| {
+        format!("{error}; give the number of a version, or a time like 2026-03-15T00:00:00Z")
+    })?;
+    Ok(At::Instant(time.timestamp_millis()))
+}
+
+/// The version of a store that is meant; the latest if none is.
+///
+/// # Errors
+/// There is no such version, or the store cannot be read.
+pub(crate) fn open(store: &Path, at: Option<At>) -> Result<Snapshot, StoreError> {
+    let store = Store::open(store.to_path_buf())?;
+    match at {
+        Some(At::Instant(as_of_ms)) => store.snapshot_as_of(as_of_ms),
+        Some(At::Version(version)) => store.snapshot(Some(version)),
+        None => store.snapshot(None),
+    }
+}
