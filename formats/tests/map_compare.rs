@@ -1,5 +1,7 @@
 //! What differs between maps: made up ones, and the revisions of real ones.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
 use tilefold_formats::map_compare::{Class, Comparable, Difference, How};
 use tilefold_formats::map_patch::OsmText;
 

@@ -1,6 +1,8 @@
 //! Maps with changes written into them: what no change is about stays byte for byte, topology holds,
 //! and the reader finds on the new map what the changes say.
 
+#![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
+
 use std::path::{Path, PathBuf};
 
 use tilefold_formats::map;
@@ -9,19 +11,19 @@ use tilefold_schemas::{ChangeRecord, ElementKind, Marking, Verdict, wkb};
 
 /// Two lanes: way 10 and 11 meet in node 3; 10 is a border of lanelet 30; 12 stands alone.
 const MAP: &str = "<?xml version=\"1.0\"?>\n<osm generator=\"VMB\">\n\
-  <MetaInfo format_version=\"1\" map_version=\"5\"/>\n\
-  <node id=\"1\" version=\"4\" lat=\"49.0\" lon=\"8.4\">\n    <tag k=\"ele\" v=\"110.0\"/>\n  </node>\n\
-  <node id=\"2\" lat=\"49.0005\" lon=\"8.4\"><tag k=\"ele\" v=\"110.5\"/></node>\n\
-  <node id=\"3\" lat=\"49.001\" lon=\"8.4\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
-  <node id=\"4\" lat=\"49.002\" lon=\"8.4\"><tag k=\"ele\" v=\"112.0\"/></node>\n\
-  <node id=\"5\" lat=\"49.0\" lon=\"8.401\"><tag k=\"ele\" v=\"110.0\"/></node>\n\
-  <node id=\"6\" lat=\"49.001\" lon=\"8.401\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
-  <!-- a comment & nothing more -->\n\
-  <way id=\"10\" version=\"7\">\n    <nd ref=\"1\"/>\n    <nd ref=\"2\"/>\n    <nd ref=\"3\"/>\n    \
+  \x20 <MetaInfo format_version=\"1\" map_version=\"5\"/>\n\
+  \x20 <node id=\"1\" version=\"4\" lat=\"49.0\" lon=\"8.4\">\n    <tag k=\"ele\" v=\"110.0\"/>\n  </node>\n\
+  \x20 <node id=\"2\" lat=\"49.0005\" lon=\"8.4\"><tag k=\"ele\" v=\"110.5\"/></node>\n\
+  \x20 <node id=\"3\" lat=\"49.001\" lon=\"8.4\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
+  \x20 <node id=\"4\" lat=\"49.002\" lon=\"8.4\"><tag k=\"ele\" v=\"112.0\"/></node>\n\
+  \x20 <node id=\"5\" lat=\"49.0\" lon=\"8.401\"><tag k=\"ele\" v=\"110.0\"/></node>\n\
+  \x20 <node id=\"6\" lat=\"49.001\" lon=\"8.401\"><tag k=\"ele\" v=\"111.0\"/></node>\n\
+  \x20 <!-- a comment & nothing more -->\n\
+  \x20 <way id=\"10\" version=\"7\">\n    <nd ref=\"1\"/>\n    <nd ref=\"2\"/>\n    <nd ref=\"3\"/>\n    \
 <tag k=\"type\" v=\"line_thin\"/>\n    <tag k=\"subtype\" v=\"dashed\"/>\n  </way>\n\
-  <way id=\"11\"><nd ref=\"3\"/><nd ref=\"4\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"subtype\" v=\"dashed\"/></way>\n\
-  <way id=\"12\"><nd ref=\"5\"/><nd ref=\"6\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"note\" v=\"a &lt;b&gt; &amp; 'c'\"/></way>\n\
-  <relation id=\"30\"><member type=\"way\" ref=\"10\" role=\"left\"/><member type=\"way\" ref=\"12\" role=\"right\"/>\
+  \x20 <way id=\"11\"><nd ref=\"3\"/><nd ref=\"4\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"subtype\" v=\"dashed\"/></way>\n\
+  \x20 <way id=\"12\"><nd ref=\"5\"/><nd ref=\"6\"/><tag k=\"type\" v=\"line_thin\"/><tag k=\"note\" v=\"a &lt;b&gt; &amp; 'c'\"/></way>\n\
+  \x20 <relation id=\"30\"><member type=\"way\" ref=\"10\" role=\"left\"/><member type=\"way\" ref=\"12\" role=\"right\"/>\
 <tag k=\"type\" v=\"lanelet\"/></relation>\n</osm>\n";
 
 fn record(element: Option<i64>, verdict: Verdict, to_m: f64) -> ChangeRecord {
@@ -188,7 +190,7 @@ fn a_stretch_without_paint_splits_the_paint_and_not_the_border() {
         from_m: 30.0,
         ..record(Some(10), Verdict::Removed, 80.0)
     };
-    let (new, _) = patched(MAP, &[gone.clone()]);
+    let (new, _) = patched(MAP, std::slice::from_ref(&gone));
     let map = map::read_from(new.as_bytes(), "new.osm").unwrap();
     let lines: Vec<_> = map.elements.iter().filter(|e| e.id.0 > 30).collect();
     assert_eq!(lines.len(), 2, "{new}");
@@ -234,7 +236,7 @@ fn what_is_new_lies_on_the_road_and_is_written_like_the_rest() {
         geometry_new: Some(wkb::line(&[[8.4005, 49.0, 0.0], [8.4005, 49.0009, 0.0]])),
         ..record(None, Verdict::Added, 100.0)
     };
-    let (new, _) = patched(MAP, &[added.clone()]);
+    let (new, _) = patched(MAP, std::slice::from_ref(&added));
     assert!(new.contains("  <node id=\"31\" version=\"1\" lat=\"49.0000000000\" lon=\"8.4005000000\">\n    <tag k=\"ele\" v=\"110.000\"/>\n  </node>\n"), "{new}");
     assert!(
         new.contains("<way id=\"33\" version=\"1\">\n    <nd ref=\"31\"/>\n    <nd ref=\"32\"/>\n"),

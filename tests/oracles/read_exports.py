@@ -131,9 +131,13 @@ class Osm(osmium.SimpleHandler):
         self.nodes, self.ways, self.relations = {}, {}, {}
 
     def node(self, node):
+        if node.deleted:
+            return
         self.nodes[node.id] = (round(node.location.lon, 7), round(node.location.lat, 7), tags(node))
 
     def way(self, way):
+        if way.deleted:
+            return
         self.ways[way.id] = ([node.ref for node in way.nodes], tags(way))
 
     def relation(self, relation):

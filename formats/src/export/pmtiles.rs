@@ -103,7 +103,7 @@ impl Tiles {
         let mut writer = PmTilesWriter::new(TileType::Mvt)
             .min_zoom(MIN_ZOOM)
             .max_zoom(MAX_ZOOM)
-            .metadata(&metadata());
+            .metadata(metadata());
         if let Some([west, south, east, north]) = self.bounds {
             writer = writer
                 .bounds(west, south, east, north)

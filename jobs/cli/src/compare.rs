@@ -115,6 +115,6 @@ fn version_words(comparison: &VersionComparison) -> String {
     let records: Vec<Vec<String>> = records.take(LINES).collect();
     let same: usize = comparison.tiles.iter().map(|tile| tile.renumbered).sum();
     let names = ["tile", "change", "element", "was", "is", "p(change)"];
-    let list = table::rows(&names, records.into_iter());
+    let list = table::rows(&names, records);
     format!("{head}\n\n{list}\n\n{same} records keep their verdict and have other figures")
 }

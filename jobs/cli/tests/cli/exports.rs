@@ -71,19 +71,31 @@ fn options_that_do_not_go_together_are_usage_errors() {
     let town = Town::new();
     let store = town.init("store");
     let map = town.city.before_map.to_str().unwrap();
-    export(&store, "osc", &[]).with_code(2).names(&["--map FILE"]);
-    export(&store, "osc", &["--map", map, "--all"]).with_code(2).names(&["--all"]);
-    export(&store, "geojson", &["--map", map]).with_code(2).names(&["--map"]);
-    on("show", &store, &["--format", "pmtiles"]).with_code(2).names(&["pmtiles", "export"]);
+    export(&store, "osc", &[])
+        .with_code(2)
+        .names(&["--map FILE"]);
+    export(&store, "osc", &["--map", map, "--all"])
+        .with_code(2)
+        .names(&["--all"]);
+    export(&store, "geojson", &["--map", map])
+        .with_code(2)
+        .names(&["--map"]);
+    on("show", &store, &["--format", "pmtiles"])
+        .with_code(2)
+        .names(&["pmtiles", "export"]);
 }
 
 #[test]
 fn versions_are_compared_by_what_they_say() {
     let town = Town::new();
     let store = town.store("store", &town.city.logs);
-    let words = on("compare", &store, &["--from", "1", "--to", "2"]).with_code(4).out;
+    let words = on("compare", &store, &["--from", "1", "--to", "2"])
+        .with_code(4)
+        .out;
     assert!(words.contains("version 1 to version 2"), "{words}");
-    let json = on("compare", &store, &["--format", "json"]).with_code(4).json();
+    let json = on("compare", &store, &["--format", "json"])
+        .with_code(4)
+        .json();
     let tile = &json["tiles"][0];
     assert_ne!(tile["from_digest"], tile["to_digest"]);
     assert_eq!(json["from"], 1);
@@ -111,7 +123,15 @@ fn other_programs_find_in_every_form_what_is_in_it() {
     }
     let python = std::env::var("TILEFOLD_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/oracles/read_exports.py");
-    let said = Command::new(python).arg(script).arg(&folder).output().unwrap();
+    let said = Command::new(python)
+        .arg(script)
+        .arg(&folder)
+        .output()
+        .unwrap();
     println!("{}", String::from_utf8_lossy(&said.stdout));
-    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    assert!(
+        said.status.success(),
+        "{}",
+        String::from_utf8_lossy(&said.stderr)
+    );
 }
