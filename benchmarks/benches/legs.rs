@@ -238,7 +238,7 @@ fn g_match(bencher: Bencher<'_, '_>, source: &str) {
         let cuts = placed.cuts();
         bencher.counter(frames(drive)).bench(|| {
             for cut in &cuts {
-                divan::black_box(match_lines(cut, 0.0));
+                divan::black_box(match_lines(cut, 0.0, 0.0));
             }
         });
     });

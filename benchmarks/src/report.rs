@@ -1,6 +1,7 @@
 //! The page of the book about accuracy, made from raw results. The same results give the same
 //! page, so that whether it is up to date can be tested.
 
+mod beside;
 mod page;
 
 use std::error::Error;

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use super::Raw;
+use super::beside::beside;
 
 const HEAD: &str = "\
 # Accuracy in simulated cities
@@ -30,6 +31,7 @@ pub(super) fn page(results: &[Raw]) -> String {
         let _ = write!(page, "\n## {title}\n\n{body}");
     };
     section("The suites", suites(results));
+    section("Beside the paper", beside(results));
     section("Fused", fused(results));
     section("Where enough vehicles looked", looked_at(results));
     section("Single vehicles", single(results));
@@ -43,7 +45,7 @@ pub(super) fn page(results: &[Raw]) -> String {
 }
 
 /// A Markdown table.
-fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+pub(super) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let owned: Vec<String> = header.iter().map(|cell| (*cell).to_owned()).collect();
     let rules = vec!["---".to_owned(); header.len()];
@@ -55,7 +57,7 @@ fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String
 }
 
 /// Both fusion models of a result: name and findings.
-fn models(raw: &Raw) -> [(&str, &Value); 2] {
+pub(super) fn models(raw: &Raw) -> [(&str, &Value); 2] {
     let own = &raw.value["evaluation"];
     [own, &own["other_model"]]
         .map(|findings| (findings["fusion_model"].as_str().unwrap_or("-"), findings))
@@ -65,7 +67,7 @@ fn number(value: &Value) -> String {
     value.as_u64().map_or("-".to_owned(), |n| n.to_string())
 }
 
-fn share(value: &Value) -> String {
+pub(super) fn share(value: &Value) -> String {
     value
         .as_f64()
         .map_or("-".to_owned(), |share| format!("{share:.3}"))
@@ -78,7 +80,7 @@ fn metres(value: &Value) -> String {
 }
 
 /// A figure of a score with its interval.
-fn figure(score: &Value, name: &str) -> String {
+pub(super) fn figure(score: &Value, name: &str) -> String {
     let interval = &score[format!("{name}_95")];
     let value = share(&score[name]);
     match (interval[0].as_f64(), interval[1].as_f64()) {
