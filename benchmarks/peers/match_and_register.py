@@ -2,10 +2,11 @@
 
 What an engineer writes who wants the result and not the speed: GNSS smoothed by sparse least squares, the map in an
 STRtree, each line that was seen cut against the map lines near it at the same ranges, one Hungarian assignment a frame,
-and a robust rigid correction to the side for each window of 40 m by a search over offsets. No clock offset, no drift
-model, no visibility: it does less than the map stage of Tilefold does.
+and a robust rigid correction to the side for each window of 40 m by a search over offsets. The clock offset is told by
+--lag, or searched for as the map stage does: the drive is laid on the map with each of 25 lags, and the one whose lines
+fit best is taken. No drift model, no visibility: it does less than the map stage of Tilefold does.
 
-    python match_and_register.py MAP.osm LOGS... [--lag SECONDS] [--by-one] [--json FIGURES.json]
+    python match_and_register.py MAP.osm LOGS... [--lag SECONDS | --search-lag] [--by-one] [--json FIGURES.json]
 
 Reading logs is not timed. One process, one thread (set OMP_NUM_THREADS=1).
 """
@@ -33,6 +34,7 @@ RANGES_M = np.array([3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24.0])
 SIDE_M, GATE_M, SIGMA_M = 12.0, 1.6, 0.3
 WINDOW_M, OFFSETS_M = 40.0, np.arange(-3, 3.01, 0.1)
 NEAR_M = 3 * SIGMA_M
+LAGS_S = np.linspace(-2, 16, 25)
 
 
 def read_map(path):
@@ -142,7 +144,7 @@ def mean(values):
 
 
 def register(window):
-    """The offset to the side that lays most of the lines of a window of frames on map lines."""
+    """The offset to the side that lays most of the lines of a window of frames on map lines, and how well it does."""
     votes = np.zeros(len(OFFSETS_M))
     for seen, mapped in window:
         for line in seen:
@@ -151,25 +153,36 @@ def register(window):
             if len(offs):
                 nearest = np.abs(offs[:, None] + OFFSETS_M).min(axis=0)
                 votes += np.exp(-0.5 * (np.minimum(nearest, NEAR_M) / SIGMA_M) ** 2)
-    return OFFSETS_M[np.argmax(votes - 0.02 * OFFSETS_M**2 * len(window))]
+    votes -= 0.02 * OFFSETS_M**2 * len(window)
+    return OFFSETS_M[np.argmax(votes)], votes.max()
 
 
-def drive(log, lag, plane, tree, geometries, by_one, seconds):
+def lay(log, seen, lag, plane, tree, geometries, by_one, seconds):
+    """Which frames have a pose, their map lines and offsets under a lag of the clock, and how well all of that fits."""
     fixes, yaws, frames = log
     clock = time.perf_counter()
     inside, at = poses(fixes, yaws, np.array([stamp for stamp, _ in frames]) - lag, plane)
     seconds["pose"] += time.perf_counter() - clock
     clock = time.perf_counter()
-    seen = [[cut(line) for line in lines] for _, lines in frames]
     mapped = [project(pose, tree, geometries, by_one) if ok else {} for ok, pose in zip(inside, at)]
     seconds["project"] += time.perf_counter() - clock
     clock = time.perf_counter()
     way = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(at[:, :2], axis=0).T))])
-    offset = np.zeros(len(frames))
+    offset, fit = np.zeros(len(frames)), 0.0
     for window in np.unique(way // WINDOW_M):
         rows = np.flatnonzero(way // WINDOW_M == window)
-        offset[rows] = register([(seen[row], mapped[row]) for row in rows])
+        offset[rows], votes = register([(seen[row], mapped[row]) for row in rows])
+        fit += votes
     seconds["register"] += time.perf_counter() - clock
+    return inside, mapped, offset, fit
+
+
+def drive(log, lags, plane, tree, geometries, by_one, seconds):
+    clock = time.perf_counter()
+    seen = [[cut(line) for line in lines] for _, lines in log[2]]
+    seconds["project"] += time.perf_counter() - clock
+    laid = [lay(log, seen, lag, plane, tree, geometries, by_one, seconds) for lag in lags]
+    inside, mapped, offset, _ = max(laid, key=lambda result: result[3])
     clock = time.perf_counter()
     pairs = [match(*both, shift) for *both, shift in zip(seen, mapped, offset)]
     seconds["match"] += time.perf_counter() - clock
@@ -181,6 +194,7 @@ def main():
     parser.add_argument("map", type=Path)
     parser.add_argument("logs", nargs="+", type=Path)
     parser.add_argument("--lag", type=float, default=0.0)
+    parser.add_argument("--search-lag", action="store_true", help="take the best of LAGS_S instead")
     parser.add_argument("--by-one", action="store_true", help="one shapely call for each line and range")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
@@ -194,7 +208,8 @@ def main():
     for path in args.logs:
         log = read_log(path)
         if len(log[0]) >= 30 and len(log[1]) >= 2 and log[2]:
-            placed, found = drive(log, args.lag, plane, tree, geometries, args.by_one, seconds)
+            lags = LAGS_S if args.search_lag else [args.lag]
+            placed, found = drive(log, lags, plane, tree, geometries, args.by_one, seconds)
             frames += placed
             residuals += found
     total = sum(seconds.values())

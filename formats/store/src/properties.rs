@@ -11,15 +11,13 @@ use crate::location::Place;
 /// Name of the file beside the tables.
 pub(crate) const FILE: &str = "tilefold.json";
 
-/// Format of the stores that are written here. This code reads this format and the one before.
-pub const FORMAT_VERSION: i64 = 1;
+/// Format of the stores that are written here. This code reads this format and, as a rule, the one
+/// before. Since 2 a chunk says what it was made from, so that drives can be taken out and base maps
+/// changed.
+pub const FORMAT_VERSION: i64 = 2;
 
-/// Oldest format that is still read.
-const OLDEST_FORMAT: i64 = if FORMAT_VERSION > 1 {
-    FORMAT_VERSION - 1
-} else {
-    1
-};
+/// Oldest format that is still read: chunks of format 1 cannot say what they were made from.
+const OLDEST_FORMAT: i64 = 2;
 
 /// Named values of any JSON type, in the order of their names.
 pub type Parameters = BTreeMap<String, Value>;

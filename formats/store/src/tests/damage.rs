@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use tilefold_schemas::{EvidenceRow, LayerHeader};
 
 use super::rows::{parameters, rows, store, tile, tiles};
+use crate::properties::FORMAT_VERSION;
 use crate::{Store, StoreError, TileFilter};
 
 fn filled() -> (tempfile::TempDir, Store) {
@@ -140,9 +141,9 @@ fn formats_of_the_future_are_refused_in_a_sentence() {
     let (_folder, store) = filled();
     let file = Path::new(&store.location()).join("tilefold.json");
     let text = fs::read_to_string(&file).unwrap();
-    for (version, word) in [("2", "newer"), ("0", "older")] {
+    for (version, word) in [(FORMAT_VERSION + 1, "newer"), (1, "older")] {
         let other = text.replace(
-            "\"format_version\": 1",
+            &format!("\"format_version\": {FORMAT_VERSION}"),
             &format!("\"format_version\": {version}"),
         );
         fs::write(&file, other).unwrap();

@@ -81,6 +81,7 @@ fn the_whole_road() {
         "removed",
         "modified",
         "unknown",
+        "stale",
         "digest",
     ];
     assert_eq!(keys(tile), names);
