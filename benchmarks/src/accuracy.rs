@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::TempDir;
 use tilefold_engine::evaluate::{
-    Drives, Evaluation, Findings, Matching, Options, Refold, Subject, matching, plots,
+    ChangeScores, Drives, Evaluation, Findings, Matching, Options, Refold, Subject, matching, plots,
 };
 use tilefold_engine::{
-    FusionModel, InitOptions, Silent, calibrate, evaluate, init, run as run_logs,
+    Criteria, FusionModel, InitOptions, Silent, calibrate, evaluate, init, run as run_logs,
 };
 use tilefold_formats::geojson::{TruthChange, read_changes_file};
 use tilefold_formats::matching_truth::MatchingTruth;
@@ -34,6 +34,17 @@ struct RawResult<'a> {
     evaluation: &'a Evaluation,
     /// With the built-in sensor model, before any was fitted.
     before_calibration: &'a Findings,
+    /// Of a small fleet: what is found where fewer vehicles are enough for a claim.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    few_vehicles: Vec<OfFew>,
+}
+
+/// What is found where this many vehicles are enough for a claim.
+#[derive(Debug, Serialize)]
+struct OfFew {
+    min_vehicles: i32,
+    change: ChangeScores,
+    looked_at: ChangeScores,
 }
 
 /// A city after its run.
@@ -80,6 +91,7 @@ pub(crate) fn run(suite: &Suite, seeds: Seeds, out: &Path) -> Result<(), Box<dyn
         method: METHOD_VERSION,
         evaluation: &evaluation,
         before_calibration: &before.findings,
+        few_vehicles: few_vehicles(suite, &fitted)?,
     };
     let pictures = plots::write(&out.join(suite.name), &evaluation)?;
     let file = out.join(format!("{}.json", suite.name));
@@ -91,6 +103,31 @@ pub(crate) fn run(suite: &Suite, seeds: Seeds, out: &Path) -> Result<(), Box<dyn
         pictures.len()
     );
     Ok(())
+}
+
+/// A fleet that has as many vehicles as a claim takes by default, or fewer, is also scored with fewer.
+fn few_vehicles(suite: &Suite, cities: &[Subject<'_>]) -> Result<Vec<OfFew>, Box<dyn Error>> {
+    let usual = Criteria::default();
+    if i64::from(suite.vehicles) > i64::from(usual.min_vehicles) {
+        return Ok(Vec::new());
+    }
+    let of_few = |min_vehicles| {
+        let options = Options {
+            criteria: Criteria {
+                min_vehicles,
+                ..usual
+            },
+            single_vehicles: 0,
+            ..Options::default()
+        };
+        let found = evaluate(cities, FusionModel::Calibrated, &options)?.findings;
+        Ok(OfFew {
+            min_vehicles,
+            change: found.change,
+            looked_at: found.looked_at,
+        })
+    };
+    (2..=usual.min_vehicles).map(of_few).collect()
 }
 
 /// How well detections of all cities are matched; none where one of them does not know.

@@ -34,6 +34,7 @@ pub(super) fn page(results: &[Raw]) -> String {
     section("Beside the paper", beside(results));
     section("Fused", fused(results));
     section("Where enough vehicles looked", looked_at(results));
+    section("Where few vehicles drive", few(results));
     section("Single vehicles", single(results));
     section("By type", by_type(results));
     section("By detail", by_detail(results));
@@ -144,6 +145,22 @@ fn looked_at(results: &[Raw]) -> String {
     let words = "Drives are drawn by lot, so some places see few vehicles, and a claim takes five. Here only those changes count that five vehicles looked at: of the others nothing can be claimed, however good the fold.\n\n";
     let rows = by_model(results, |findings| score_cells(&findings["looked_at"]));
     words.to_owned() + &table(&header(&["suite", "model"]), rows)
+}
+
+fn few(results: &[Raw]) -> String {
+    let words = "A small fleet, with fewer vehicles than five being enough for a claim (V): among all changes, and among those that V vehicles looked at.\n\n";
+    let rows = results.iter().flat_map(|raw| {
+        let points = raw.value["few_vehicles"].as_array();
+        points.into_iter().flatten().flat_map(|point| {
+            [("all", "change"), ("looked at by V", "looked_at")].map(|(what, name)| {
+                let mut row = vec![raw.suite.name.to_owned(), number(&point["min_vehicles"])];
+                row.push(what.to_owned());
+                row.extend(score_cells(&point[name]));
+                row
+            })
+        })
+    });
+    words.to_owned() + &table(&header(&["suite", "V", "changes"]), rows)
 }
 
 fn single(results: &[Raw]) -> String {
