@@ -1,4 +1,4 @@
-//! Bytes to nouns and back: logs, maps, exports.
+//! Bytes to nouns and back: logs, pictures, maps, exports.
 
 pub mod export;
 pub mod geojson;
@@ -10,3 +10,4 @@ pub mod map_compare;
 pub mod map_patch;
 pub mod map_write;
 pub mod matching_truth;
+pub mod picture;

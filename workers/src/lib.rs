@@ -14,6 +14,7 @@ mod banded;
 pub mod camera;
 pub mod clock;
 pub mod cuts;
+pub mod detector;
 mod drift;
 mod fixes;
 pub mod footprint;
@@ -39,6 +40,7 @@ mod signal;
 pub mod surface;
 pub mod testify;
 pub mod trace;
+pub mod track;
 pub mod view;
 pub mod visibility;
 
