@@ -30,6 +30,7 @@ mod median;
 mod motion;
 pub mod mounting;
 mod nodes;
+pub mod perceived;
 pub mod pixels;
 pub mod pose;
 pub mod profile;

@@ -30,7 +30,7 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
         Payload::Image(_) => Err(lacking("raw images and video")),
         Payload::Imu(_) => Err(lacking("an inertial measurement")),
         Payload::Detections(_) => Err(lacking("detections here")),
-        Payload::Vehicles(_) => Err(lacking("other vehicles")),
+        Payload::Vehicles(frame) => super::detections::encode_vehicles(entry, frame),
     }
 }
 

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use ort::environment::Environment;
+use ort::ep::{self, ExecutionProvider};
 
 use crate::error::OnnxError;
 
@@ -69,6 +70,20 @@ impl Library {
             wanted,
             loaded: self.path.clone(),
         })
+    }
+
+    /// What it can run networks on.
+    #[must_use]
+    pub fn providers(&self) -> Vec<&'static str> {
+        let known = [
+            ("CPU", Ok(true)),
+            ("CUDA", ep::CUDA::is_available()),
+            ("TensorRT", ep::TensorRT::is_available()),
+        ];
+        let there = known
+            .into_iter()
+            .filter(|(_, found)| matches!(found, Ok(true)));
+        there.map(|(name, _)| name).collect()
     }
 
     /// Version of the library, from its file's name; as in `libonnxruntime.so.1.31.1`.
