@@ -175,10 +175,17 @@ pub fn detect(
     Ok(Detected {
         model: perception.model().card.name.clone(),
         pictures,
-        stages: meter.report(),
+        stages: stages(&meter),
         wall_s: meter.elapsed_s(),
         set_aside,
     })
+}
+
+/// The stages that perception alone goes through.
+fn stages(meter: &Meter) -> Vec<StageReport> {
+    let mut stages = meter.report();
+    stages.retain(|stage| stage.items > 0);
+    stages
 }
 
 fn file_error(path: &Path, source: std::io::Error) -> DetectError {

@@ -10,6 +10,9 @@ use tilefold_schemas::ElementKind;
 use crate::camera::Camera;
 use crate::surface::Surface;
 
+/// How often the ends of the far side are looked for anew.
+const ROUNDS: usize = 3;
+
 /// The outline of a box (left, top, right and bottom edge) of a kind of paint, in pixels: near left,
 /// near right, far right and far left corner; of a stop line, its middle line from left to right.
 /// None if the box does not lie on the road. Without a camera it is the box itself.
@@ -37,15 +40,33 @@ pub fn of(kind: ElementKind, edges: [f64; 4], camera: Option<&Camera>) -> Option
 /// Corners of the rectangle on the road that the box is drawn around, in pixels.
 fn on_road([left, top, right, bottom]: [f64; 4], camera: &Camera) -> Option<[[f64; 2]; 4]> {
     let road = |pixel| camera.road_from_pixel(pixel, &Surface::FLAT);
-    let middle = 0.5 * (left + right);
-    let (near_m, far_m) = (road([middle, bottom])?[0], road([middle, top])?[0]);
-    if far_m <= near_m {
-        return None;
-    }
-    // To the left is positive. A line along the way lies farther out in the picture the nearer it is.
-    let left_m = side_m(road([left, bottom])?[1], road([left, top])?[1], 1.0);
-    let right_m = side_m(road([right, bottom])?[1], road([right, top])?[1], -1.0);
+    let axis = camera.axis_px();
     let pixel = |x: f64, y: f64| camera.pixel_from_vehicle([x, y, 0.0]);
+    // A lens bends straight lines outwards: what lies across is lowest in the picture where it is
+    // nearest to the lens' axis, and highest where it is farthest from it. Where its ends are
+    // is not known yet: they are looked for from the middle.
+    let [mut near_px, mut far_px] = [axis.max(left).min(right), 0.5 * (left + right)];
+    let [mut near_m, mut far_m, mut left_m, mut right_m] = [0.0; 4];
+    for _ in 0..ROUNDS {
+        (near_m, far_m) = (road([near_px, bottom])?[0], road([far_px, top])?[0]);
+        if far_m <= near_m {
+            return None;
+        }
+        // To the left is positive. A line along the way lies farther out in the picture the nearer it is.
+        let far_row = |side_m: f64| pixel(far_m, side_m).map_or(top, |[_, row]| row);
+        let near_row = |side_m: f64| pixel(near_m, side_m).map_or(bottom, |[_, row]| row);
+        let side = |edge: f64, outward: f64, known_m: f64| {
+            let near = road([edge, near_row(known_m)])?[1];
+            let far = road([edge, far_row(known_m)])?[1];
+            Some(side_m(near, far, outward))
+        };
+        (left_m, right_m) = (side(left, 1.0, left_m)?, side(right, -1.0, right_m)?);
+        let ends = |ahead_m: f64| Some([pixel(ahead_m, left_m)?[0], pixel(ahead_m, right_m)?[0]]);
+        let ([near_left, near_right], far) = (ends(near_m)?, ends(far_m)?);
+        near_px = axis.max(near_left).min(near_right.max(near_left));
+        let from_axis = far.map(|end| (end - axis).abs());
+        far_px = far[usize::from(from_axis[1] > from_axis[0])];
+    }
     let is_wide = left_m > right_m;
     is_wide.then_some([
         pixel(near_m, left_m)?,
@@ -79,16 +100,17 @@ mod tests {
             f64::NEG_INFINITY,
             f64::NEG_INFINITY,
         ];
-        for x in ahead_m {
-            for y in left_m {
-                let [u, v] = camera.pixel_from_vehicle([x, y, 0.0]).unwrap();
-                edges = [
-                    edges[0].min(u),
-                    edges[1].min(v),
-                    edges[2].max(u),
-                    edges[3].max(v),
-                ];
-            }
+        let shares = || (0..=40).map(|step| f64::from(step) / 40.0);
+        for (share_x, share_y) in shares().flat_map(|x| shares().map(move |y| (x, y))) {
+            let x = ahead_m[0] + share_x * (ahead_m[1] - ahead_m[0]);
+            let y = left_m[0] + share_y * (left_m[1] - left_m[0]);
+            let [u, v] = camera.pixel_from_vehicle([x, y, 0.0]).unwrap();
+            edges = [
+                edges[0].min(u),
+                edges[1].min(v),
+                edges[2].max(u),
+                edges[3].max(v),
+            ];
         }
         edges
     }
@@ -96,7 +118,7 @@ mod tests {
     #[test]
     fn a_rectangle_along_the_way_comes_back() {
         let camera = camera();
-        for left_m in [[-0.5, 0.6], [1.4, 2.8], [-4.0, -2.9], [-3.0, 9.0]] {
+        for left_m in [[-0.5, 0.6], [1.4, 2.8], [-4.0, -2.9], [-3.0, 5.0]] {
             let edges = box_around([8.0, 12.0], left_m);
             let outline = of(ElementKind::GroundSign, edges, Some(&camera)).unwrap();
             let expected = [
