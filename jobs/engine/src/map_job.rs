@@ -152,7 +152,6 @@ fn unseen(
     windows
 }
 
-#[expect(clippy::too_many_arguments, reason = "one call joins them all")]
 fn map_unit(
     sights: &Sights,
     catalogue: &Catalogue,

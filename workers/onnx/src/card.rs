@@ -246,7 +246,7 @@ impl Card {
         }?;
         self.lines
             .as_ref()
-            .map_or(Ok(()), |lines| lines.check(&self.input))?;
+            .map_or(Ok(()), |lines| lines.check(self.kind, &self.input))?;
         self.boxes
             .as_ref()
             .map_or(Ok(()), |boxes| boxes.check(&self.input))
@@ -297,7 +297,7 @@ fn check_share(key: &str, value: f32) -> Result<(), String> {
 }
 
 impl Lines {
-    fn check(&self, input: &Input) -> Result<(), String> {
+    fn check(&self, kind: Kind, input: &Input) -> Result<(), String> {
         check_share("lines.threshold", self.threshold)?;
         check_share("lines.min_score", self.min_score)?;
         if self.channel >= self.channels {
@@ -306,7 +306,11 @@ impl Lines {
                 self.channel, self.channels
             ));
         }
-        input.check_stride(self.stride_px)
+        // A mask is as large as its input.
+        match kind {
+            Kind::LineAnchor => input.check_stride(self.stride_px),
+            _ => Ok(()),
+        }
     }
 }
 
