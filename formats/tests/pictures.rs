@@ -1,5 +1,7 @@
 //! Pictures: what was drawn comes back, half a file does not, and lying sizes take no memory.
 
+#![allow(clippy::unwrap_used)] // What fails to be made ends its test.
+
 use bytes::Bytes;
 use tilefold_formats::picture::{ENCODINGS, PictureError, decode, decode_file};
 use tilefold_schemas::Picture;

@@ -148,9 +148,11 @@ fn bayer<'a>(
             let (mut sums, mut counts) = ([0_u32; 3], [0_u32; 3]);
             for near_y in rows.into_iter().flatten() {
                 let line = row(near_y);
-                for near_x in x.saturating_sub(1)..(x + 2).min(width) {
+                let from = x.saturating_sub(1);
+                let near = line[from..(x + 2).min(width)].iter();
+                for (near_x, value) in (from..).zip(near) {
                     let color = color(near_x, near_y);
-                    sums[color] += u32::from(line[near_x]);
+                    sums[color] += u32::from(*value);
                     counts[color] += 1;
                 }
             }

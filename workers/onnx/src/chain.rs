@@ -58,18 +58,18 @@ mod tests {
         of.iter().enumerate().map(row).collect()
     }
 
-    fn near(rows: &[Vec<Node>]) -> impl Fn(&[(usize, usize)], (usize, usize)) -> Option<f64> {
-        move |chain, (row, node)| {
-            let (last, from) = *chain.last()?;
-            let apart = (rows[last][from].x - rows[row][node].x).abs();
-            (apart < 1.5).then_some(apart)
-        }
+    /// Less than one and a half apart.
+    fn near(rows: &[Vec<Node>], chain: &[(usize, usize)], to: (usize, usize)) -> Option<f64> {
+        let (last, from) = *chain.last()?;
+        let apart = (rows[last][from].x - rows[to.0][to.1].x).abs();
+        (apart < 1.5).then_some(apart)
     }
 
     #[test]
     fn two_lines_that_meet_stay_two_and_gaps_are_bridged() {
         let rows = rows(&[&[4.6], &[3.9, 5.2], &[], &[3.0, 6.0], &[2.0, 7.0]]);
-        let chains = join(&rows, 1, near(&rows));
+        let joined = |gap| join(&rows, gap, |chain, to| near(&rows, chain, to));
+        let chains = joined(1);
         assert_eq!(
             chains,
             [
@@ -77,6 +77,6 @@ mod tests {
                 vec![(4, 1), (3, 1), (1, 1), (0, 0)]
             ]
         );
-        assert_eq!(join(&rows, 0, near(&rows)).len(), 4);
+        assert_eq!(joined(0).len(), 4);
     }
 }

@@ -4,6 +4,8 @@
 //! ONNX Runtime is there (`cargo xtask setup`) or these tests fail. The models are made here, a
 //! graph of one convolution each, so that a checkout without data has something to run.
 
+#![allow(clippy::unwrap_used)] // What fails to be made ends its test.
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
