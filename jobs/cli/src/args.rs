@@ -160,7 +160,7 @@ pub(crate) enum Command {
     Simulate(Simulation),
     /// Creates a store from a base map.
     Init {
-        /// Folder of the new store.
+        /// Folder of the new store, or `s3://BUCKET/PREFIX`, here and wherever a store is asked for.
         store: PathBuf,
         /// Map files (Lanelet2 .osm, OpenDRIVE .xodr, Argoverse 2 .json).
         #[arg(long, required = true, num_args = 1..)]

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
 
+mod buckets;
 mod commands;
 mod damage;
 mod errors;
