@@ -236,6 +236,12 @@ pub(crate) enum Command {
         #[arg(long)]
         dry_run: bool,
     },
+    /// Says what a file is, by its content - a log, a map, a model or a store -, what is in it, what is
+    /// damaged, and what mends that. Everything that a job would read is read.
+    Inspect {
+        /// The file, or the folder or URL of a store or of a divided map.
+        file: PathBuf,
+    },
     /// Lists the versions of a store.
     Log {
         /// The store.

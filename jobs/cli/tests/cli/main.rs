@@ -8,4 +8,6 @@ mod damage;
 mod errors;
 mod explain;
 mod exports;
+mod golden;
+mod inspect;
 mod support;
