@@ -319,7 +319,7 @@ fn a_real_map_without_latitude_and_longitude_is_the_same_map() {
     );
     assert!(!without.elements.is_empty());
     assert_eq!(with.elements.len(), without.elements.len());
-    assert!(farthest_m < 1e-3, "{farthest_m}");
+    assert!(farthest_m < 1e-4, "{farthest_m}");
 }
 
 fn emptied(line: String, attribute: &str) -> String {

@@ -71,6 +71,7 @@ fn bad_elements_are_set_aside_with_line_and_column() {
             "stop_line needs 2 different points, it has 1",
         ),
         (way("<nd ref='-1'/><nd ref='-1'/>"), "it has 1"),
+        (way(""), "way 8 (line 7, column 1): stop_line needs 2"),
         (
             way("<nd ref='-1'/><nd ref='2'/><tag k='type' v='arrow'/>"),
             "two values",

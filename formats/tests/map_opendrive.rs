@@ -389,7 +389,9 @@ fn a_code_or_wkt_is_as_good_as_a_proj_string() {
         let map = read(&road("<line/>", CENTER_MARK).replace(UTM32, code));
         let points = |map: &MapFile| local(&map.elements[0]);
         for (point, expected) in points(&map).into_iter().zip(points(&plain)) {
-            assert_near(point, expected);
+            // The ellipsoids of WGS 84 and ETRS89 differ by a tenth of a millimetre.
+            let apart_m = (point[0] - expected[0]).hypot(point[1] - expected[1]);
+            assert!(apart_m < 5e-4, "{code}: {apart_m}");
         }
     }
 }
