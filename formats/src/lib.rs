@@ -10,3 +10,4 @@ pub mod map_compare;
 pub mod map_patch;
 pub mod map_write;
 pub mod matching_truth;
+pub mod model;

@@ -9,6 +9,7 @@ mod demo;
 mod evaluation;
 mod explanation;
 mod export;
+mod inspect;
 mod progress;
 mod rebase;
 mod reference;

@@ -14,6 +14,7 @@ pub mod evaluate;
 pub mod explain;
 pub mod export;
 pub mod init;
+pub mod inspect;
 pub mod logs;
 pub mod map_job;
 pub mod meter;
