@@ -184,3 +184,51 @@ fn tree(extents: &[Extent]) -> Tree {
         .map(|(index, &(low, high))| GeomWithData::new(Rectangle::from_corners(low, high), index));
     RTree::bulk_load(entries.collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line of 50 m to the east that begins `east_m` from the origin.
+    fn line(track: i32, east_m: f64) -> Sighting {
+        let degrees = |metres: f64| metres / 111_195.0;
+        let points = [0.0, 25.0, 50.0].map(|at_m| [degrees(east_m + at_m), 0.0, 0.0]);
+        Sighting {
+            tile: 0,
+            vehicle: 1,
+            channel: 0,
+            window: 0,
+            track,
+            method: 1,
+            model: 0,
+            kind: ElementKind::LaneMarking.code(),
+            frames: 10,
+            sum_v_fx: 1,
+            geometry: wkb::line(&points),
+            lambda_fx: 1,
+            seen: Default::default(),
+            first_ns: i64::from(track),
+            last_ns: 100,
+            best_ns: 50,
+        }
+    }
+
+    #[test]
+    fn a_place_finds_whole_groups_and_no_others() {
+        // Two that touch, one that touches the second, and one far away.
+        let sightings = [line(0, 0.0), line(1, 53.0), line(2, 106.0), line(3, 300.0)];
+        let groups = Groups::of_lines(&sightings);
+        let begin = ([0.0, 0.0], [1e-6, 1e-6]);
+        assert_eq!(groups.meeting(&[begin]), BTreeSet::from([0, 1, 2]));
+        let sizes: Vec<usize> = groups.all().iter().map(Vec::len).collect();
+        assert_eq!(sizes, [3, 1]);
+        assert!(groups.meeting(&[([1.0, 1.0], [1.1, 1.1])]).is_empty());
+    }
+
+    #[test]
+    fn a_margin_is_wider_in_degrees_of_longitude() {
+        let (low, high) = grown(([8.0, 60.0], [8.0, 60.0]), 111.0);
+        assert!((high[1] - 60.001).abs() < 1e-9 && (low[1] - 59.999).abs() < 1e-9);
+        assert!((high[0] - 8.002).abs() < 1e-6, "{}", high[0]);
+    }
+}
