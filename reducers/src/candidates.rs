@@ -1,18 +1,18 @@
 //! Candidates: paint that the map lacks, found by following sightings, and confronted with every
 //! pass that looked there.
 //!
-//! Sightings that touch form a component; each is worked on in its own plane, so nothing depends
+//! Sightings that touch form a component ([`crate::groups`]); each is worked on in its own plane, so nothing depends
 //! on tile borders. Within a component a line is followed from its best supported place in both
 //! directions, two metres at a time, along the median of what the vehicles saw. Ties are broken
 //! by time, vehicle and track, never by order of arrival.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
 use tilefold_schemas::{ChangeRecord, ElementKind, Footprint, Sighting, Verdict, fixed, wkb};
 use tilefold_tiler::geodesy::LocalFrame;
-use tilefold_tiler::map_index::{MapIndex, MappedElement, bounds};
+use tilefold_tiler::map_index::{MapIndex, MappedElement};
 use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::station::{Polyline, Projection};
 use tilefold_tiler::tile::tile_of;
@@ -21,11 +21,10 @@ use crate::chain;
 use crate::elements::{SECTION_M, round_degrees};
 use crate::explain::{Explained, Weight};
 use crate::fold::Fold;
+use crate::groups::Groups;
 use crate::look::{self, Look, Sighted};
 use crate::moved::{self, Gone};
 
-/// Sightings whose boxes come this near belong to one component, in degrees (about 5 m).
-const TOUCH_DEG: f64 = 5e-5;
 /// Step of following, in metres.
 const STEP_M: f64 = 2.0;
 /// Half length and half width of the window that is looked at in each step, in metres.
@@ -99,7 +98,8 @@ pub fn explain(
     fold: &Fold,
 ) -> Vec<Explained> {
     let looks = LookIndex::new(footprints, map, gone);
-    let mut explained: Vec<Explained> = components(sightings)
+    let mut explained: Vec<Explained> = Groups::of_lines(sightings)
+        .all()
         .into_iter()
         .flat_map(|component| judge_component(&component, &looks, tile_level, fold))
         .collect();
@@ -124,58 +124,6 @@ pub fn misses_to_flip(added: &ChangeRecord) -> u32 {
         PRIOR_ADDED,
         sections * WORTH * unseen.nats(false, SIGHTED),
     )
-}
-
-/// Sightings in groups that touch, each in canonical order.
-fn components(sightings: &[Sighting]) -> Vec<Vec<&Sighting>> {
-    let is_line = |sighting: &&Sighting| sighting.kind == ElementKind::LaneMarking.code();
-    let mut ordered: Vec<&Sighting> = sightings.iter().filter(is_line).collect();
-    ordered.sort_by_key(|s| (s.first_ns, s.vehicle, s.channel, s.window, s.track));
-    let boxes: Vec<([f64; 2], [f64; 2])> = ordered
-        .iter()
-        .map(|sighting| bounds(&vertices_of(sighting)))
-        .collect();
-    let tree = RTree::bulk_load(
-        boxes
-            .iter()
-            .enumerate()
-            .map(|(index, (low, high))| {
-                GeomWithData::new(Rectangle::from_corners(*low, *high), index)
-            })
-            .collect(),
-    );
-    let mut component_of = vec![usize::MAX; ordered.len()];
-    let mut components: Vec<Vec<usize>> = Vec::new();
-    for start in 0..ordered.len() {
-        if component_of[start] != usize::MAX {
-            continue;
-        }
-        let number = components.len();
-        component_of[start] = number;
-        let mut members = vec![start];
-        let mut next = 0;
-        while let Some(&member) = members.get(next) {
-            next += 1;
-            let (low, high) = boxes[member];
-            let around = AABB::from_corners(
-                low.map(|value| value - TOUCH_DEG),
-                high.map(|value| value + TOUCH_DEG),
-            );
-            for touched in tree.locate_in_envelope_intersecting(around) {
-                if component_of[touched.data] == usize::MAX {
-                    component_of[touched.data] = number;
-                    members.push(touched.data);
-                }
-            }
-        }
-        members.sort_unstable();
-        components.push(members);
-    }
-    let sighting = |index: usize| ordered[index];
-    components
-        .into_iter()
-        .map(|members| members.into_iter().map(sighting).collect())
-        .collect()
 }
 
 /// Vertices of a sighting; none if its geometry is damaged (the store checks that before).

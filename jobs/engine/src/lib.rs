@@ -26,6 +26,7 @@ pub mod reduce_job;
 pub mod retract;
 pub mod run;
 mod same_place;
+pub mod scope;
 mod succession;
 mod update;
 
