@@ -1,4 +1,4 @@
-//! Bytes to nouns and back: logs, maps, exports.
+//! Bytes to nouns and back: logs, pictures, maps, exports.
 
 pub mod export;
 pub mod geojson;
@@ -11,3 +11,4 @@ pub mod map_patch;
 pub mod map_write;
 pub mod matching_truth;
 pub mod model;
+pub mod picture;

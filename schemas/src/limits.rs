@@ -72,3 +72,13 @@ pub const MAX_SPIRAL_TURN_RAD: f64 = 20.0;
 pub const MAX_ELEMENT_LENGTH_M: f64 = 100_000.0;
 /// Losses listed by name in a report; beyond that they are only counted.
 pub const MAX_SET_ASIDE_LISTED: usize = 1_000;
+/// Bytes of a model's file.
+pub const MAX_MODEL_BYTES: u64 = 2 << 30;
+/// Bytes of a model card.
+pub const MAX_MODEL_CARD_BYTES: u64 = 1 << 20;
+/// Pixels of a picture: more than any camera of a vehicle has.
+pub const MAX_PICTURE_PX: u64 = 64_000_000;
+/// Pixels of a picture's side.
+pub const MAX_PICTURE_SIDE_PX: u32 = 16_384;
+/// Bytes of an encoded picture.
+pub const MAX_ENCODED_PICTURE_BYTES: u64 = 64 << 20;

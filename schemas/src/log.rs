@@ -93,6 +93,34 @@ pub struct EncodedImage {
     pub data: Bytes,
 }
 
+/// A camera frame of bare pixels.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RawImage {
+    /// Pixels in a row.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Bytes from one row to the next; 0 where the log does not say.
+    pub step: u32,
+    /// As the log names it: `rgb8`, `bayer_rggb8`, ...
+    pub encoding: String,
+    /// Whether numbers of two bytes have the greater one first.
+    pub is_big_endian: bool,
+    /// The rows.
+    pub data: Bytes,
+}
+
+/// A camera frame as the log has it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CameraFrame {
+    /// A file.
+    Encoded(EncodedImage),
+    /// Bare pixels.
+    Raw(RawImage),
+    /// A frame of video: it may need those before it.
+    Video(EncodedImage),
+}
+
 /// In which space the points of a detection are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum DetectionSpace {
@@ -158,7 +186,7 @@ pub enum Payload {
     /// Camera intrinsics.
     Calibration(CameraCalibration),
     /// A camera frame.
-    Image(EncodedImage),
+    Image(CameraFrame),
     /// Detections made on the vehicle.
     Detections(DetectionFrame),
     /// Other vehicles.

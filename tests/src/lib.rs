@@ -4,4 +4,5 @@
 pub mod arrows;
 pub mod faulty;
 pub mod logs;
+pub mod pictures;
 pub mod trial;

@@ -6,7 +6,7 @@
 
 use tilefold_schemas::id::{ChunkId, VehicleKey, hash_text};
 
-use crate::recording::{Recording, between};
+use crate::recording::Recording;
 
 /// Length of a window in nanoseconds (W in method.md, section 1).
 pub const WINDOW_NS: i64 = 20_000_000_000;
@@ -47,23 +47,22 @@ impl Chunk {
     }
 }
 
-/// The windows of a settled recording that hold detections, ascending.
+/// The windows of a settled recording that hold frames of its channel, ascending.
 #[must_use]
 pub fn windows(recording: &Recording) -> Vec<i64> {
-    let mut windows: Vec<i64> = recording
-        .detections
-        .iter()
-        .map(|frame| window_of(frame.stamp_ns))
-        .collect();
+    let mut windows: Vec<i64> = recording.frames_ns().map(window_of).collect();
     windows.dedup();
     windows
 }
 
-/// The chunk of a settled recording for one window; none if it holds no detections.
+/// The chunk of a settled recording for one window; none if it holds no frames.
 #[must_use]
 pub fn cut(recording: &Recording, vehicle: VehicleKey, topic: &str, window: i64) -> Option<Chunk> {
     let (from_ns, to_ns) = window_bounds_ns(window);
-    if between(&recording.detections, from_ns, to_ns).is_empty() {
+    if !recording
+        .frames_ns()
+        .any(|stamp_ns| (from_ns..to_ns).contains(&stamp_ns))
+    {
         return None;
     }
     let recording = recording.slice(

@@ -8,6 +8,7 @@ use tilefold_schemas::log::{
     CameraCalibration, DetectionFrame, GnssFix, Imu, LogMessage, Odometry, Payload, Transform,
     VehicleFrame,
 };
+use tilefold_schemas::observation::ObservationFrame;
 
 /// A value with its capture time.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +21,19 @@ pub struct Stamped<T> {
     pub digest: i64,
     /// What was captured.
     pub value: T,
+}
+
+impl<T> Stamped<T> {
+    /// The same moment with another value.
+    #[must_use]
+    pub fn with<U>(&self, value: U) -> Stamped<U> {
+        Stamped {
+            stamp_ns: self.stamp_ns,
+            frame_id: self.frame_id.clone(),
+            digest: self.digest,
+            value,
+        }
+    }
 }
 
 /// Messages of one kind, sorted by capture time and digest, each once.
@@ -36,12 +50,17 @@ pub struct Recording {
     pub odometry: Series<Odometry>,
     /// Detections made on the vehicle.
     pub detections: Series<DetectionFrame>,
+    /// What a network saw in the pictures of a camera; its digest is of picture and network. Empty
+    /// where detections were made on the vehicle.
+    pub observations: Series<ObservationFrame>,
     /// Other vehicles that were seen, on whatever topic.
     pub vehicles: Series<VehicleFrame>,
     /// Camera intrinsics. Latched: they hold until the next.
     pub calibrations: Series<CameraCalibration>,
     /// Static transforms. Latched.
     pub static_transforms: Series<Vec<Transform>>,
+    /// Digest of the network that saw `observations`; 0 for detections made on the vehicle.
+    pub model: i64,
     /// How many messages were copies of others.
     pub duplicates: u64,
 }
@@ -97,6 +116,7 @@ impl Recording {
             + settle(&mut self.imu)
             + settle(&mut self.odometry)
             + settle(&mut self.detections)
+            + settle(&mut self.observations)
             + settle(&mut self.vehicles)
             + settle(&mut self.calibrations)
             + settle(&mut self.static_transforms);
@@ -111,11 +131,19 @@ impl Recording {
             imu: between(&self.imu, from_ns, to_ns).to_vec(),
             odometry: between(&self.odometry, from_ns, to_ns).to_vec(),
             detections: between(&self.detections, from_ns, to_ns).to_vec(),
+            observations: between(&self.observations, from_ns, to_ns).to_vec(),
             vehicles: between(&self.vehicles, from_ns, to_ns).to_vec(),
             calibrations: latched(&self.calibrations, to_ns),
             static_transforms: self.static_transforms.clone(),
+            model: self.model,
             duplicates: 0,
         }
+    }
+
+    /// Capture times of the frames of its channel, ascending: of its detections, or of its pictures.
+    pub fn frames_ns(&self) -> impl Iterator<Item = i64> + '_ {
+        let detections = self.detections.iter().map(|frame| frame.stamp_ns);
+        detections.chain(self.observations.iter().map(|frame| frame.stamp_ns))
     }
 
     /// First and last capture time of a settled recording; what is latched has none of its own.
@@ -126,6 +154,7 @@ impl Recording {
             span(&self.imu),
             span(&self.odometry),
             span(&self.detections),
+            span(&self.observations),
             span(&self.vehicles),
         ];
         let ends = ends.into_iter().flatten();
@@ -145,6 +174,10 @@ impl Recording {
         // Recordings from before vehicles were read keep their digests.
         if !self.vehicles.is_empty() {
             feed(&mut hasher, b"vehicles", &self.vehicles);
+        }
+        // So do those from before pictures were looked at.
+        if !self.observations.is_empty() {
+            feed(&mut hasher, b"observations", &self.observations);
         }
         tilefold_schemas::id::first_i64(&hasher.finalize())
     }

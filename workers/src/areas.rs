@@ -10,6 +10,7 @@
 
 pub mod along;
 pub mod mapped;
+pub mod outline;
 pub mod pair;
 pub mod seen;
 pub mod shape;

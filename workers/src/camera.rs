@@ -127,6 +127,11 @@ impl Camera {
         (0..2).all(|axis| (low[axis]..=high[axis]).contains(&pixel[axis]))
     }
 
+    /// Column at which the optical axis is seen.
+    pub(crate) fn axis_px(&self) -> f64 {
+        self.centre_px[0]
+    }
+
     /// First and last pixel coordinates of the image; without end where its size is not known.
     pub(crate) fn bounds_px(&self) -> ([f64; 2], [f64; 2]) {
         if self.size_px.contains(&0) {

@@ -15,6 +15,7 @@ use crate::local_map::{LocalMap, Near, degrees_around};
 use crate::look::{Look, SeenFrames, place};
 use crate::matching::match_lines;
 use crate::mounting::{self, Mounting};
+use crate::perceived::{Perceived, perceived};
 use crate::pose::{PoseError, Trajectory};
 use crate::profile::{Profile, seen_profiles};
 use crate::register::{Glance, Registering, Registration, register};
@@ -60,11 +61,17 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Says by which method it was made.
-    fn sign(&mut self, method: i32) {
-        self.rows.iter_mut().for_each(|row| row.method = method);
-        (self.sightings.iter_mut()).for_each(|sighting| sighting.method = method);
-        (self.footprints.iter_mut()).for_each(|footprint| footprint.method = method);
+    /// Says by which method it was made, and by which network.
+    fn sign(&mut self, method: i32, model: i64) {
+        for row in &mut self.rows {
+            (row.method, row.model) = (method, model);
+        }
+        for sighting in &mut self.sightings {
+            (sighting.method, sighting.model) = (method, model);
+        }
+        for footprint in &mut self.footprints {
+            (footprint.method, footprint.model) = (method, model);
+        }
     }
 
     fn add_areas(&mut self, areas: AreaEvidence) {
@@ -91,8 +98,9 @@ pub fn map_chunk_traced(
     context: &MapContext,
     mut trace: impl FnMut(&Frame<'_>, &LocalMap<'_>),
 ) -> Result<Evidence, PoseError> {
-    let recording = &chunk.recording;
-    let tree = FrameTree::new(&recording.static_transforms);
+    let tree = FrameTree::new(&chunk.recording.static_transforms);
+    let seen = perceived(&chunk.recording, &tree);
+    let recording = seen.recording.as_ref();
     let local_frame = Trajectory::anchor(recording)?;
     let trajectory = Trajectory::estimate(recording, &local_frame, &tree)?;
     let SeenFrames {
@@ -120,6 +128,7 @@ pub fn map_chunk_traced(
         without: trajectory.sources.fallbacks().collect(),
         ..Evidence::default()
     };
+    evidence.set_aside.extend(of_other_size(chunk, &seen));
     if looks.is_empty() {
         return Ok(evidence);
     }
@@ -229,7 +238,7 @@ pub fn map_chunk_traced(
     };
     let of_areas = areas::confront(whose, &mapped_areas, &glimpses, &passed);
     evidence.add_areas(of_areas.unwrap_or_default());
-    evidence.sign(context.registering.method());
+    evidence.sign(context.registering.method(), recording.model);
     Ok(evidence)
 }
 
@@ -283,6 +292,22 @@ fn ways_m(looks: &[Look]) -> Vec<f64> {
         ways_m.push(way_m);
     }
     ways_m
+}
+
+/// Pictures of the chunk's own window that are not of the calibrated size.
+fn of_other_size(chunk: &Chunk, seen: &Perceived<'_>) -> Option<SetAside> {
+    let (from_ns, to_ns) = chunk.bounds_ns();
+    let own = seen
+        .other_size_ns
+        .iter()
+        .filter(|stamp| (from_ns..to_ns).contains(*stamp));
+    let first = *own.clone().next()?;
+    let [[width, height], [stated_width, stated_height]] = seen.sizes_px;
+    let reason = format!(
+        "pictures of {width} x {height} pixels, where the calibration is of {stated_width} x {stated_height}; record the calibration of the pictures that are recorded"
+    );
+    let loss = SetAside::new(SetAsideKind::Frame, "", reason);
+    Some(loss.when(first).times(own.count() as u64))
 }
 
 /// Frames of the chunk's own window that could not be used.

@@ -10,6 +10,7 @@ mod histories;
 mod lints;
 mod python;
 mod s3;
+mod setup;
 mod test;
 
 use std::env;
@@ -20,6 +21,7 @@ use command::{Failure, workspace_root};
 const HELP: &str = "\
 cargo xtask WORD [ARGUMENT...]
 
+  setup           fetches ONNX Runtime into .ort/ (demo and test do so themselves)
   demo [ARG...]   builds `tilefold` for release and runs `tilefold demo ARG...`
   test [ARG...]   runs every test of the workspace, then the examples in its documentation;
                   ARG... goes to the test runner (a name to filter by, for instance)
@@ -49,6 +51,7 @@ fn dispatch(word: &str, arguments: &[String]) -> Result<(), Failure> {
     }
     let root = workspace_root()?;
     match word {
+        "setup" => without_arguments(word, arguments).and_then(|()| setup::run(&root)),
         "demo" => demo::run(&root, arguments),
         "test" => test::run(&root, arguments),
         "histories" => histories::run(&root, arguments),

@@ -1,15 +1,17 @@
 //! `cargo xtask test`: every test of the workspace, and every example in its documentation; without
 //! arguments also those that need an S3 server.
 //!
-//! Tests on real data look for it themselves and say so where they are skipped.
+//! ONNX Runtime is set up first: its tests fail where it is not. Tests on real data look for it themselves and say so where they are skipped.
 
 use std::path::Path;
 
 use crate::command::{Failure, Step};
 use crate::s3;
+use crate::setup;
 
 /// Runs the tests with cargo-nextest where it is installed, and else with `cargo test`.
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
+    setup::run(root)?;
     let all = ["--workspace"]
         .into_iter()
         .filter(|_| !names_package(arguments));

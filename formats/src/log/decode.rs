@@ -99,6 +99,12 @@ static DIALECTS: &[Dialect] = &[
         TopicKind::Image,
         ros2::compressed_image,
     ),
+    ros("sensor_msgs/msg/Image", TopicKind::Image, ros2::image),
+    ros(
+        "foxglove_msgs/msg/CompressedVideo",
+        TopicKind::Image,
+        ros2::compressed_video,
+    ),
     foxglove(
         "foxglove.LocationFix",
         TopicKind::Gnss,
@@ -129,6 +135,12 @@ static DIALECTS: &[Dialect] = &[
         "foxglove.CompressedImage",
         TopicKind::Image,
         protobuf::compressed_image,
+    ),
+    foxglove("foxglove.RawImage", TopicKind::Image, protobuf::raw_image),
+    foxglove(
+        "foxglove.CompressedVideo",
+        TopicKind::Image,
+        protobuf::compressed_video,
     ),
     foxglove("foxglove.SceneUpdate", METRES, scene::scene_update),
     foxglove(

@@ -6,12 +6,13 @@
 use foxglove::Decode;
 use foxglove::messages::location_fix::PositionCovarianceType;
 use foxglove::messages::{
-    CameraCalibration as FoxgloveCalibration, CompressedImage, FrameTransform, FrameTransforms,
-    LocationFix, Odometry as FoxgloveOdometry, Pose, PoseInFrame, Quaternion, Timestamp, Vector3,
+    CameraCalibration as FoxgloveCalibration, CompressedImage, CompressedVideo, FrameTransform,
+    FrameTransforms, LocationFix, Odometry as FoxgloveOdometry, Pose, PoseInFrame, Quaternion,
+    RawImage as FoxgloveRawImage, Timestamp, Vector3,
 };
 use tilefold_schemas::limits::{MAX_PRIMITIVES_PER_MESSAGE, MAX_TRANSFORMS_PER_MESSAGE};
 use tilefold_schemas::log::{
-    CameraCalibration, EncodedImage, FramePose, Odometry, Payload, Transform,
+    CameraCalibration, CameraFrame, EncodedImage, FramePose, Odometry, Payload, RawImage, Transform,
 };
 
 use super::decode::{Decoded, Loss};
@@ -135,9 +136,35 @@ pub(crate) fn compressed_image(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>
     push(
         message.timestamp,
         message.frame_id,
-        Payload::Image(image),
+        Payload::Image(CameraFrame::Encoded(image)),
         decoded,
     )
+}
+
+/// foxglove.RawImage.
+pub(crate) fn raw_image(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>) -> Outcome {
+    let message: FoxgloveRawImage = decode(bytes, "foxglove.RawImage", FLAT)?;
+    let image = RawImage {
+        width_px: message.width,
+        height_px: message.height,
+        step: message.step,
+        encoding: message.encoding,
+        is_big_endian: false,
+        data: message.data,
+    };
+    let payload = Payload::Image(CameraFrame::Raw(image));
+    push(message.timestamp, message.frame_id, payload, decoded)
+}
+
+/// foxglove.CompressedVideo.
+pub(crate) fn compressed_video(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>) -> Outcome {
+    let message: CompressedVideo = decode(bytes, "foxglove.CompressedVideo", FLAT)?;
+    let image = EncodedImage {
+        format: message.format,
+        data: message.data,
+    };
+    let payload = Payload::Image(CameraFrame::Video(image));
+    push(message.timestamp, message.frame_id, payload, decoded)
 }
 
 /// Decodes a message whose parts are within `levels`.

@@ -5,7 +5,8 @@
 use bytes::Bytes;
 use tilefold_schemas::limits::{MAX_DISTORTION_COEFFICIENTS, MAX_TRANSFORMS_PER_MESSAGE};
 use tilefold_schemas::log::{
-    CameraCalibration, EncodedImage, FramePose, Imu, Odometry, Payload, Transform,
+    CameraCalibration, CameraFrame, EncodedImage, FramePose, Imu, Odometry, Payload, RawImage,
+    Transform,
 };
 
 use super::cdr::Cdr;
@@ -151,7 +152,35 @@ pub(crate) fn compressed_image(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>
         format: cdr.text("format")?.to_owned(),
         data: Bytes::copy_from_slice(cdr.octets("data")?),
     };
-    header.push(Payload::Image(image), decoded)
+    header.push(Payload::Image(CameraFrame::Encoded(image)), decoded)
+}
+
+/// sensor_msgs/msg/Image.
+pub(crate) fn image(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>) -> Outcome {
+    let cdr = &mut Cdr::new(bytes)?;
+    let header = Header::read(cdr)?;
+    let height_px = cdr.u32("height")?;
+    let width_px = cdr.u32("width")?;
+    let image = RawImage {
+        width_px,
+        height_px,
+        encoding: cdr.text("encoding")?.to_owned(),
+        is_big_endian: cdr.u8("is_bigendian")? != 0,
+        step: cdr.u32("step")?,
+        data: Bytes::copy_from_slice(cdr.octets("data")?),
+    };
+    header.push(Payload::Image(CameraFrame::Raw(image)), decoded)
+}
+
+/// foxglove_msgs/msg/CompressedVideo.
+pub(crate) fn compressed_video(bytes: &[u8], _: &str, decoded: &mut Vec<Decoded>) -> Outcome {
+    let cdr = &mut Cdr::new(bytes)?;
+    let header = Header::read(cdr)?;
+    let image = EncodedImage {
+        data: Bytes::copy_from_slice(cdr.octets("data")?),
+        format: cdr.text("format")?.to_owned(),
+    };
+    header.push(Payload::Image(CameraFrame::Video(image)), decoded)
 }
 
 /// std_msgs/msg/Header.

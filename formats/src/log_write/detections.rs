@@ -6,7 +6,7 @@
 
 use foxglove::messages as fox;
 use tilefold_schemas::element::{Color, ElementKind, Marking, SignClass};
-use tilefold_schemas::log::{Detection, DetectionFrame, DetectionSpace};
+use tilefold_schemas::log::{Detection, DetectionFrame, DetectionSpace, VehicleFrame};
 
 use super::protobuf::{message, quaternion, timestamp};
 use super::{Encoded, Entry, LogWriteError};
@@ -14,6 +14,13 @@ use super::{Encoded, Entry, LogWriteError};
 /// Width of a painted line, in metres, and of a drawn one, in pixels.
 const PAINT_WIDTH_M: f64 = 0.15;
 const DRAWN_WIDTH_PX: f64 = 2.0;
+/// Colour of other vehicles.
+const VEHICLE_COLOR: fox::Color = fox::Color {
+    r: 0.9,
+    g: 0.5,
+    b: 0.1,
+    a: 1.0,
+};
 /// How long viewers show a detection, in nanoseconds.
 const SHOWN_NS: u32 = 200_000_000;
 
@@ -24,6 +31,42 @@ pub(super) fn encode(entry: &Entry<'_>, frame: &DetectionFrame) -> Result<Encode
         DetectionSpace::Metres => message("foxglove.SceneUpdate", &scene(entry, stamp, frame)),
         DetectionSpace::Pixels => message("foxglove.ImageAnnotations", &annotations(stamp, frame)),
     }
+}
+
+/// The message for one frame's other vehicles: boxes drawn into the picture, with their class.
+pub(super) fn encode_vehicles(
+    entry: &Entry<'_>,
+    frame: &VehicleFrame,
+) -> Result<Encoded, LogWriteError> {
+    use fox::points_annotation::Type;
+    if frame.space == DetectionSpace::Metres {
+        return Err(LogWriteError::Payload {
+            dialect: super::Dialect::Foxglove,
+            payload: "other vehicles in metres",
+        });
+    }
+    let stamp = timestamp(entry.stamp_ns)?;
+    let points = frame.vehicles.iter().map(|corners| fox::PointsAnnotation {
+        timestamp: Some(stamp),
+        r#type: Type::LineLoop.into(),
+        points: corners
+            .iter()
+            .map(|&[x, y, _]| fox::Point2 { x, y })
+            .collect(),
+        outline_color: Some(VEHICLE_COLOR),
+        thickness: DRAWN_WIDTH_PX,
+        metadata: vec![fox::KeyValuePair {
+            key: "class".to_owned(),
+            value: "vehicle".to_owned(),
+        }],
+        ..Default::default()
+    });
+    let annotations = fox::ImageAnnotations {
+        timestamp: Some(stamp),
+        points: points.collect(),
+        ..Default::default()
+    };
+    message("foxglove.ImageAnnotations", &annotations)
 }
 
 fn scene(entry: &Entry<'_>, stamp: fox::Timestamp, frame: &DetectionFrame) -> fox::SceneUpdate {

@@ -4,7 +4,8 @@ use bytes::Bytes;
 use foxglove::Encode;
 use foxglove::messages as fox;
 use tilefold_schemas::log::{
-    CameraCalibration, EncodedImage, FramePose, GnssFix, Odometry, Payload, Quaternion, Transform,
+    CameraCalibration, CameraFrame, EncodedImage, FramePose, GnssFix, Odometry, Payload,
+    Quaternion, Transform,
 };
 
 use super::{Dialect, Encoded, Entry, LogWriteError, seconds};
@@ -23,12 +24,13 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
             "foxglove.CameraCalibration",
             &camera_calibration(entry, calibration)?,
         ),
-        Payload::Image(image) => {
+        Payload::Image(CameraFrame::Encoded(image)) => {
             message("foxglove.CompressedImage", &compressed_image(entry, image)?)
         }
+        Payload::Image(_) => Err(lacking("raw images and video")),
         Payload::Imu(_) => Err(lacking("an inertial measurement")),
         Payload::Detections(_) => Err(lacking("detections here")),
-        Payload::Vehicles(_) => Err(lacking("other vehicles")),
+        Payload::Vehicles(frame) => super::detections::encode_vehicles(entry, frame),
     }
 }
 

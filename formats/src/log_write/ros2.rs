@@ -6,7 +6,8 @@
 use std::borrow::Cow;
 
 use tilefold_schemas::log::{
-    CameraCalibration, EncodedImage, FramePose, GnssFix, Imu, Odometry, Payload, Transform,
+    CameraCalibration, CameraFrame, EncodedImage, FramePose, GnssFix, Imu, Odometry, Payload,
+    Transform,
 };
 
 use super::cdr::Cdr;
@@ -34,7 +35,8 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
         Payload::Odometry(odometry) => nav_odometry(&mut cdr, entry, odometry)?,
         Payload::Transforms { transforms, .. } => tf_message(&mut cdr, entry, transforms)?,
         Payload::Calibration(calibration) => camera_info(&mut cdr, entry, calibration)?,
-        Payload::Image(image) => compressed_image(&mut cdr, entry, image)?,
+        Payload::Image(CameraFrame::Encoded(image)) => compressed_image(&mut cdr, entry, image)?,
+        Payload::Image(_) => return Err(lacking("raw images and video")),
         Payload::Detections(_) => return Err(lacking("detections")),
         Payload::Vehicles(_) => return Err(lacking("other vehicles")),
     };

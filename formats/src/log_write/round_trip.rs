@@ -69,10 +69,10 @@ fn calibration() -> Payload {
 }
 
 fn image() -> Payload {
-    Payload::Image(EncodedImage {
+    Payload::Image(CameraFrame::Encoded(EncodedImage {
         format: "jpeg".to_owned(),
         data: Bytes::from_static(&[0xff, 0xd8, 0xff, 0xd9, 1, 2, 3]),
-    })
+    }))
 }
 
 fn detection(kind: ElementKind, marking: Marking, sign: SignClass) -> Detection {

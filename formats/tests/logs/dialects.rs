@@ -2,7 +2,7 @@
 
 use foxglove::Encode;
 use foxglove::messages as fg;
-use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
+use tilefold_schemas::log::{CameraFrame, DetectionSpace, LogMessage, Payload};
 use tilefold_schemas::{Color, ElementKind, Marking, SetAsideKind, SignClass};
 
 use crate::maker::{CdrMaker, Made, fix_cdr, read_one};
@@ -367,7 +367,9 @@ fn calibrations_and_images() {
         .header(STAMP, "camera")
         .text("jpeg")
         .octets(&[1, 2, 3]);
-    let Payload::Image(from_ros) = ros("sensor_msgs/msg/CompressedImage", payload).payload else {
+    let Payload::Image(CameraFrame::Encoded(from_ros)) =
+        ros("sensor_msgs/msg/CompressedImage", payload).payload
+    else {
         panic!()
     };
     let message = fg::CompressedImage {
@@ -375,7 +377,8 @@ fn calibrations_and_images() {
         data: vec![1, 2, 3].into(),
         ..Default::default()
     };
-    let Payload::Image(from_foxglove) = foxglove("foxglove.CompressedImage", &message).payload
+    let Payload::Image(CameraFrame::Encoded(from_foxglove)) =
+        foxglove("foxglove.CompressedImage", &message).payload
     else {
         panic!()
     };

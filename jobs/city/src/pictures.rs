@@ -4,7 +4,7 @@
 //! otherwise than its calibration says. Light and weather are those of the drive.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
-use tilefold_schemas::log::{CameraCalibration, EncodedImage, Payload, Transform};
+use tilefold_schemas::log::{CameraCalibration, CameraFrame, EncodedImage, Payload, Transform};
 
 use crate::course::{Course, Motion};
 use crate::error::CityError;
@@ -191,7 +191,7 @@ impl<'a> Pictures<'a> {
             format: "jpeg".to_owned(),
             data: frame.jpeg(QUALITY)?.into(),
         };
-        Ok((Payload::Image(image), frame.truth))
+        Ok((Payload::Image(CameraFrame::Encoded(image)), frame.truth))
     }
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use tilefold_city::{CitySpec, LogProfile, Site, write};
 use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader, TopicKind};
 use tilefold_schemas::element::ElementKind;
-use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
+use tilefold_schemas::log::{CameraFrame, DetectionSpace, LogMessage, Payload};
 use tilefold_tiler::geodesy::LocalFrame;
 
 fn read(path: &Path) -> (LogIndex, Vec<LogMessage>) {
@@ -192,7 +192,7 @@ fn camera_logs_hold_pictures_calibration_mounting_and_truth() {
     let (mut in_tree, mut measured) = (Vec::new(), Vec::new());
     for message in &messages {
         match &message.payload {
-            Payload::Image(image) => {
+            Payload::Image(CameraFrame::Encoded(image)) => {
                 assert_eq!(image.format, "jpeg");
                 assert!(image.data.starts_with(&[0xff, 0xd8]), "no JPEG");
                 pictures.push(message.stamp_ns);

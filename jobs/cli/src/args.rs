@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
-use tilefold_engine::{FusionModel, Registering};
+use tilefold_engine::{Device, FusionModel, Registering};
 
 use crate::at::{At, at};
 
@@ -184,6 +184,12 @@ pub(crate) enum Command {
         /// How evidence becomes a posterior.
         #[arg(long, value_enum, default_value_t)]
         model: ModelName,
+        /// Model card (.toml) of the network that looks at the pictures of logs without detections.
+        #[arg(long, value_name = "CARD")]
+        detector: Option<PathBuf>,
+        /// ONNX Runtime.
+        #[command(flatten)]
+        runtime: Runtime,
         /// Folds only what was seen until then: a time like 2026-03-15T00:00:00Z. The version says so.
         #[arg(long, value_parser = time)]
         as_of: Option<i64>,
@@ -194,6 +200,16 @@ pub(crate) enum Command {
         /// Shows what would be done, and does nothing.
         #[arg(long)]
         plan: bool,
+    },
+    /// Looks at pictures: what a network sees in a picture, a folder of pictures or a log.
+    Detect(Detection),
+    /// Says what is there of what Tilefold needs, and how to get what is not.
+    Doctor {
+        /// Model cards to be opened as well.
+        cards: Vec<PathBuf>,
+        /// ONNX Runtime.
+        #[command(flatten)]
+        runtime: Runtime,
     },
     /// Fits the sensor model to the store's evidence - how often, and how well, the fleet's detectors
     /// match paint - and folds everything anew with it.
@@ -341,6 +357,46 @@ pub(crate) enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+/// Where networks run.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Runtime {
+    /// Library of ONNX Runtime. If not given: ORT_DYLIB_PATH, beside this program, `.ort/`.
+    #[arg(long, value_name = "FILE")]
+    pub onnxruntime: Option<PathBuf>,
+    /// Runs networks on the graphics card of this number (0 if none is given); an error where that
+    /// cannot be.
+    #[arg(long, value_name = "NUMBER", num_args = 0..=1, default_missing_value = "0")]
+    pub cuda: Option<i32>,
+}
+
+impl Runtime {
+    /// What networks run on.
+    pub(crate) fn device(&self) -> Device {
+        self.cuda.map_or(Device::Cpu, Device::Cuda)
+    }
+}
+
+/// What `detect` looks at.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Detection {
+    /// A picture (JPEG, PNG), a folder of pictures, or a log with camera images.
+    pub input: PathBuf,
+    /// Model card (.toml) of the network; its model lies beside it, or in a folder of
+    /// TILEFOLD_MODELS.
+    #[arg(long, visible_alias = "detector", value_name = "CARD")]
+    pub model: PathBuf,
+    /// Folder for the pictures with what was seen drawn into them, as PNG.
+    #[arg(long, value_name = "FOLDER")]
+    pub overlay: Option<PathBuf>,
+    /// Of a log: MCAP file to write, with the pictures and what was seen and believed as
+    /// annotations in pixels.
+    #[arg(long, short, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// ONNX Runtime.
+    #[command(flatten)]
+    pub runtime: Runtime,
 }
 
 /// What `retract` takes out.

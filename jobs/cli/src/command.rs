@@ -7,7 +7,8 @@ use clap::CommandFactory;
 use serde::Serialize;
 use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, overview, plots};
 use tilefold_engine::{
-    Criteria, FusionModel, InitOptions, Meter, RunOptions, evaluate, init, plan, run,
+    Criteria, FusionModel, InitOptions, Meter, Perception, RunOptions, evaluate, init, plan,
+    run_seeing,
 };
 use tilefold_formats::geojson::read_changes_file;
 use tilefold_formats::matching_truth::MatchingTruth;
@@ -17,11 +18,11 @@ use tilefold_schemas::{
 };
 use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, digest_rows};
 
-use crate::args::{Args, Command};
+use crate::args::{Args, Command, Runtime};
 use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
-    calibration, compare, demo, evaluation, explanation, export, inspect, progress, rebase,
+    calibration, compare, demo, detect, evaluation, explanation, export, inspect, progress, rebase,
     reference, regions, retract, simulate, table, vacuum,
 };
 
@@ -50,24 +51,34 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
         Command::Run {
             store,
             logs,
+            detector,
+            runtime,
             plan: true,
             ..
-        } => plan_logs(args, store, logs),
+        } => {
+            let perception = perception(detector.as_deref(), runtime)?;
+            plan_logs(args, store, logs, perception.as_ref())
+        }
         Command::Run {
             store,
             logs,
             model,
             as_of,
             registration,
+            detector,
+            runtime,
             ..
         } => {
+            let perception = perception(detector.as_deref(), runtime)?;
             let options = RunOptions {
                 model: (*model).into(),
                 registering: (*registration).into(),
                 as_of_ns: *as_of,
             };
-            run_logs(args, store, logs, options)
+            run_logs(args, store, logs, options, perception.as_ref())
         }
+        Command::Detect(asked) => detect::detect_in(args, asked),
+        Command::Doctor { cards, runtime } => detect::doctor(args, runtime, cards),
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
         Command::Retract { store, what } => retract::retract_from(args, store, what),
         Command::Rebase { store, map } => rebase::rebase_store(args, store, map),
@@ -157,10 +168,20 @@ pub(crate) fn init_store(
     Ok(Outcome::with(&report.set_aside))
 }
 
-fn plan_logs(args: &Args, store: &Path, logs: &[PathBuf]) -> Result<Outcome> {
+fn perception(card: Option<&Path>, runtime: &Runtime) -> Result<Option<Perception>> {
+    card.map(|card| detect::perception(card, runtime))
+        .transpose()
+}
+
+fn plan_logs(
+    args: &Args,
+    store: &Path,
+    logs: &[PathBuf],
+    perception: Option<&Perception>,
+) -> Result<Outcome> {
     Store::open(store.to_path_buf())?;
     let progress = progress::listener(args.progress);
-    let plan = plan(logs, &Meter::default(), progress.as_ref());
+    let plan = plan(logs, perception, &Meter::default(), progress.as_ref());
     print(args, &plan, |plan| {
         format!(
             "would read {} logs of {} vehicles: {} messages, {:.1} MB, in {} units of work",
@@ -184,9 +205,10 @@ pub(crate) fn run_logs(
     store: &Path,
     logs: &[PathBuf],
     options: impl Into<RunOptions>,
+    perception: Option<&Perception>,
 ) -> Result<Outcome> {
     let progress = progress::listener(args.progress);
-    let report = run(store, logs, options, progress.as_ref())?;
+    let report = run_seeing(store, logs, options, perception, progress.as_ref())?;
     print(args, &report, table::run)?;
     print_set_aside(&report.set_aside);
     Ok(Outcome::with(&report.set_aside))

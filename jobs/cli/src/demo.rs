@@ -31,7 +31,7 @@ pub(crate) fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dy
         salt: None,
     };
     init_store(args, &store, &[city.before_map], &options)?;
-    let outcome = run_logs(args, &store, &city.logs, RunOptions::default())?;
+    let outcome = run_logs(args, &store, &city.logs, RunOptions::default(), None)?;
     let asked = Asked {
         store: &store,
         truth: Some(&city.truth),

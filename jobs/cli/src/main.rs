@@ -6,6 +6,7 @@ mod calibration;
 mod command;
 mod compare;
 mod demo;
+mod detect;
 mod evaluation;
 mod explanation;
 mod export;
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
     match command::dispatch(&args) {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::SetAside) => ExitCode::from(EXIT_SET_ASIDE),
+        Ok(Outcome::Wrong) => ExitCode::FAILURE,
         Ok(Outcome::Differs) => ExitCode::from(EXIT_DIFFERS),
         Err(error) => {
             report::print_error(&args, error.as_ref());

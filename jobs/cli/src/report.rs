@@ -16,6 +16,8 @@ pub(crate) enum Outcome {
     Done,
     /// Done, but something was set aside.
     SetAside,
+    /// A check found something to mend.
+    Wrong,
     /// A comparison found a difference.
     Differs,
 }

@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
 use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
+use tilefold_schemas::observation::ObservationFrame;
 use tilefold_schemas::{SetAside, SetAsideKind};
 use tilefold_tiler::chunk::{CONTEXT_NS, WINDOW_NS, window_bounds_ns, window_of};
-use tilefold_tiler::recording::Recording;
+use tilefold_tiler::recording::{Recording, Stamped};
 
 use crate::meter::{Meter, Stage};
 use crate::progress::Progress;
@@ -20,7 +21,7 @@ use crate::progress::Progress;
 /// Windows in a block.
 const BLOCK_WINDOWS: i64 = 6;
 /// A header stamp farther than this from the log time belongs to another clock.
-const MAX_CLOCK_GAP_NS: i64 = 5_000_000_000;
+pub(crate) const MAX_CLOCK_GAP_NS: i64 = 5_000_000_000;
 
 /// Indexed logs, and what could not be.
 #[derive(Debug, Default)]
@@ -29,12 +30,26 @@ pub struct Catalogue {
     pub logs: Vec<LogIndex>,
     /// Files and stretches that were set aside.
     pub set_aside: Vec<SetAside>,
+    /// Digest of the model that looks at pictures; none: only detections made on the vehicle count.
+    pub model: Option<i64>,
 }
 
 impl Catalogue {
     /// Indexes files in parallel. A folder stands for the `.mcap` files in it.
     #[must_use]
     pub fn open(files: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Self {
+        Self::open_seeing(files, None, meter, progress)
+    }
+
+    /// As [`Catalogue::open`], with the pictures of logs without detections, which the model of
+    /// this digest will look at.
+    #[must_use]
+    pub fn open_seeing(
+        files: &[PathBuf],
+        model: Option<i64>,
+        meter: &Meter,
+        progress: &dyn Progress,
+    ) -> Self {
         let (files, empty) = expand(files);
         progress.begin(Stage::Index, files.len() as u64);
         let opened: Vec<_> = files
@@ -50,6 +65,7 @@ impl Catalogue {
         progress.end(Stage::Index);
         let mut catalogue = Self {
             set_aside: empty,
+            model,
             ..Self::default()
         };
         for (file, result) in opened {
@@ -67,19 +83,22 @@ impl Catalogue {
 
     fn add(&mut self, index: LogIndex) {
         self.set_aside.extend(index.set_aside.iter().cloned());
-        let has_detections = index
-            .topics
-            .iter()
-            .any(|topic| matches!(topic.kind, TopicKind::Detections(_)) && topic.messages > 0);
-        if has_detections {
-            self.logs.push(index);
-        } else {
-            self.set_aside.push(SetAside::new(
+        match why_not(&index, self.model) {
+            None => self.logs.push(index),
+            Some(reason) => self.set_aside.push(SetAside::new(
                 SetAsideKind::Drive,
                 index.path.display().to_string(),
-                "it has no detections (foxglove.SceneUpdate or foxglove.ImageAnnotations)",
-            ));
+                reason,
+            )),
         }
+    }
+
+    /// Digest of what the model of this catalogue sees in the picture of a digest.
+    pub(crate) fn seen_digest(&self, picture: i64) -> i64 {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&picture.to_le_bytes());
+        hasher.update(&self.model.unwrap_or_default().to_le_bytes());
+        tilefold_schemas::id::first_i64(&hasher.finalize())
     }
 
     /// The units of work, by vehicle and time.
@@ -106,6 +125,33 @@ impl Catalogue {
         }
         units
     }
+}
+
+/// Why a log cannot be used; none if it can.
+fn why_not(index: &LogIndex, model: Option<i64>) -> Option<&'static str> {
+    if has_detections(index) {
+        return None;
+    }
+    let has = |kind| index.topics_of(kind).any(|(_, topic)| topic.messages > 0);
+    if !has(TopicKind::Image) {
+        return Some(
+            "it has neither detections (foxglove.SceneUpdate or foxglove.ImageAnnotations) nor pictures",
+        );
+    }
+    if model.is_none() {
+        return Some(
+            "it has pictures, but no detections; name a network that looks at them with `--detector CARD`",
+        );
+    }
+    let uncalibrated =
+        "its pictures have no calibration; record CameraInfo or foxglove.CameraCalibration";
+    (!has(TopicKind::Calibration)).then_some(uncalibrated)
+}
+
+fn has_detections(index: &LogIndex) -> bool {
+    let is_one =
+        |topic: &Topic| matches!(topic.kind, TopicKind::Detections(_)) && topic.messages > 0;
+    index.topics.iter().any(is_one)
 }
 
 /// The log files that are meant, each once, and folders that hold none.
@@ -146,7 +192,7 @@ fn logs_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 
 /// The vehicle that a log names. One that names none is a vehicle of its own, known by the time
 /// of its first message: a renamed copy is the same vehicle.
-fn vehicle_of(log: &LogIndex) -> String {
+pub(crate) fn vehicle_of(log: &LogIndex) -> String {
     log.vehicle
         .clone()
         .unwrap_or_else(|| format!("unnamed:{}", log.start_ns))
@@ -228,7 +274,7 @@ impl Unit {
         let mut unit = UnitRecording::default();
         let mut shared: Vec<LogMessage> = Vec::new();
         for &log in &self.logs {
-            let given = self.read_log(&catalogue.logs[log], &mut unit, &mut shared, meter);
+            let given = self.read_log(catalogue, log, &mut unit, &mut shared, meter);
             unit.given_by.insert(log, given);
         }
         for recording in unit.channels.values_mut() {
@@ -242,13 +288,15 @@ impl Unit {
 
     fn read_log(
         &self,
-        log: &LogIndex,
+        catalogue: &Catalogue,
+        log: usize,
         unit: &mut UnitRecording,
         shared: &mut Vec<LogMessage>,
         meter: &Meter,
     ) -> Given {
+        let log = &catalogue.logs[log];
         let mut given = Given::default();
-        let wanted = wanted_topics(log);
+        let wanted = wanted_topics(log, catalogue.model);
         let (from_ns, to_ns) = self.read_range_ns();
         let mut other_clock = (0_u64, None);
         let mut sink = |message: LogMessage| {
@@ -273,6 +321,16 @@ impl Unit {
                     .entry(topic.name.clone())
                     .or_default()
                     .push(message);
+            } else if matches!(message.payload, Payload::Image(_)) {
+                // Only which picture it is: it is looked at later, and once.
+                let recording = unit.channels.entry(topic.name.clone()).or_default();
+                recording.model = catalogue.model.unwrap_or_default();
+                recording.observations.push(Stamped {
+                    stamp_ns: message.stamp_ns,
+                    frame_id: message.frame_id,
+                    digest: catalogue.seen_digest(message.digest),
+                    value: ObservationFrame::default(),
+                });
             } else {
                 shared.push(message);
             }
@@ -322,8 +380,9 @@ fn is_latched(topic: &Topic) -> bool {
     topic.kind == TopicKind::Calibration || topic.name.ends_with("tf_static")
 }
 
-/// Of every kind that is needed, the topic with the most messages; of detections, all.
-fn wanted_topics(log: &LogIndex) -> BTreeSet<usize> {
+/// Of every kind that is needed, the topic with the most messages; of detections, all. Pictures are
+/// for a model, where there are no detections.
+fn wanted_topics(log: &LogIndex, model: Option<i64>) -> BTreeSet<usize> {
     let most = |kind: TopicKind| {
         log.topics_of(kind)
             .filter(|(_, topic)| topic.messages > 0)
@@ -335,6 +394,9 @@ fn wanted_topics(log: &LogIndex) -> BTreeSet<usize> {
         most(TopicKind::Gnss),
         orientation,
         most(TopicKind::Odometry),
+        model
+            .filter(|_| !has_detections(log))
+            .and_then(|_| most(TopicKind::Image)),
     ];
     let every = [
         TopicKind::Calibration,

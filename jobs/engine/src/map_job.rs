@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 use tilefold_schemas::{ChunkId, ChunkRow, SetAside, SetAsideKind, VehicleKey};
 use tilefold_tiler::chunk::{self, Chunk};
-use tilefold_tiler::recording::{Recording, between};
+use tilefold_tiler::recording::Recording;
 use tilefold_workers::{Evidence, MapContext, map_chunk};
 
 use crate::logs::{Catalogue, Unit};
 use crate::meter::{Meter, Stage};
+use crate::perceive::{self, Eye, Perception, Sights};
 use crate::progress::Progress;
 
 /// A chunk that was mapped.
@@ -41,6 +42,8 @@ pub struct Known {
     pub digest: i64,
     /// How many these were.
     pub messages: i32,
+    /// Digest of the network that looked at its pictures; 0 for detections made on the vehicle.
+    pub model: i64,
     /// Whether the base map around it has changed since.
     pub is_outdated: bool,
 }
@@ -52,14 +55,19 @@ impl Known {
         Self {
             digest: row.digest,
             messages: row.messages,
+            model: row.model,
             is_outdated: row.map == 0,
         }
     }
 
-    /// Whether the same chunk, made from these messages, takes the place of this one. The greater of
-    /// two digests wins among equals, so that the order of runs does not matter.
+    /// Whether the same chunk, made from these messages by this model, takes the place of this one.
+    /// The greater of two digests wins among equals, so that the order of runs does not matter; but
+    /// whoever names another model wants its answer.
     #[must_use]
-    pub fn gives_way_to(&self, digest: i64, messages: i32) -> bool {
+    pub fn gives_way_to(&self, digest: i64, messages: i32, model: i64) -> bool {
+        if model != self.model {
+            return true;
+        }
         if digest == self.digest {
             return self.is_outdated;
         }
@@ -70,9 +78,11 @@ impl Known {
 /// Chunks of the store.
 pub type KnownChunks = BTreeMap<ChunkId, Known>;
 
-/// Maps all units whose chunks the store does not know yet.
+/// Maps all units whose chunks the store does not know yet; `perception` looks at their pictures.
 #[must_use]
+#[expect(clippy::too_many_arguments, reason = "one call joins them all")]
 pub fn map_units(
+    perception: Option<&Perception>,
     catalogue: &Catalogue,
     units: &[Unit],
     known: &KnownChunks,
@@ -81,18 +91,26 @@ pub fn map_units(
     meter: &Meter,
     progress: &dyn Progress,
 ) -> MapOutput {
+    let sights = perception.map_or_else(Sights::default, |perception| {
+        let find = |unit: &Unit| unseen(catalogue, unit, known, salt, meter);
+        let windows: BTreeSet<(Eye, i64)> = units.par_iter().flat_map_iter(find).collect();
+        perceive::look(perception, catalogue, &windows, meter, progress)
+    });
     progress.begin(Stage::Map, units.len() as u64);
     let outputs: Vec<MapOutput> = units
         .par_iter()
         .map(|unit| {
-            let output = map_unit(catalogue, unit, known, salt, context, meter);
+            let output = map_unit(&sights, catalogue, unit, known, salt, context, meter);
             let losses = output.set_aside.iter().map(|loss| loss.count).sum();
             progress.advance(Stage::Map, 1, losses);
             output
         })
         .collect();
     progress.end(Stage::Map);
-    let mut all = MapOutput::default();
+    let mut all = MapOutput {
+        set_aside: sights.set_aside,
+        ..MapOutput::default()
+    };
     for output in outputs {
         all.mapped.extend(output.mapped);
         all.known += output.known;
@@ -104,7 +122,38 @@ pub fn map_units(
     all
 }
 
+/// Windows of cameras whose pictures are needed for chunks of a unit that the store does not know.
+fn unseen(
+    catalogue: &Catalogue,
+    unit: &Unit,
+    known: &KnownChunks,
+    salt: &[u8; 32],
+    meter: &Meter,
+) -> BTreeSet<(Eye, i64)> {
+    let vehicle = VehicleKey::new(salt, &unit.vehicle);
+    let mut windows = BTreeSet::new();
+    for (topic, recording) in &unit.read(catalogue, meter).channels {
+        if recording.observations.is_empty() {
+            continue;
+        }
+        let all: BTreeSet<i64> = chunk::windows(recording).into_iter().collect();
+        let own = |window: &&i64| (unit.windows.0..unit.windows.1).contains(*window);
+        for &window in all.iter().filter(own) {
+            let chunk = chunk::cut(recording, vehicle, topic, window);
+            // What is said of known chunks is said when they are mapped.
+            let mut unsaid = MapOutput::default();
+            if chunk.is_some_and(|chunk| !is_known(&chunk, known, "", &mut unsaid)) {
+                let eye = (unit.vehicle.clone(), topic.clone());
+                let needed = all.range(perceive::around(window));
+                windows.extend(needed.map(|window| (eye.clone(), *window)));
+            }
+        }
+    }
+    windows
+}
+
 fn map_unit(
+    sights: &Sights,
     catalogue: &Catalogue,
     unit: &Unit,
     known: &KnownChunks,
@@ -124,11 +173,17 @@ fn map_unit(
         output.duplicates += recording.duplicates;
         let own = |window: &i64| (unit.windows.0..unit.windows.1).contains(window);
         for window in chunk::windows(recording).into_iter().filter(own) {
-            let Some(chunk) = chunk::cut(recording, vehicle, topic, window) else {
+            let Some(mut chunk) = chunk::cut(recording, vehicle, topic, window) else {
                 continue;
             };
             if is_known(&chunk, known, &log, &mut output) {
                 continue;
+            }
+            let frames_ns = own_frames_ns(&chunk);
+            let messages = message_count(&chunk.recording);
+            if !chunk.recording.observations.is_empty() {
+                let eye = (unit.vehicle.clone(), topic.clone());
+                sights.fill(&eye, &mut chunk.recording);
             }
             match meter.time(Stage::Map, || map_chunk(&chunk, context)) {
                 Ok(evidence) => {
@@ -140,14 +195,20 @@ fn map_unit(
                         ..loss
                     }));
                     let logs: BTreeSet<String> = read.logs_of(window).map(name).collect();
-                    let row = row(&chunk, context, topic, logs, &evidence);
+                    let row = row(
+                        (&chunk, &frames_ns, messages),
+                        context,
+                        topic,
+                        logs,
+                        &evidence,
+                    );
                     output.mapped.push(Mapped { row, evidence });
                 }
                 Err(error) => output.set_aside.push(
                     SetAside::new(SetAsideKind::Drive, &log, error.to_string())
                         .on(topic)
                         .when(chunk.bounds_ns().0)
-                        .times(own_frames(&chunk)),
+                        .times(frames_ns.len() as u64),
                 ),
             }
         }
@@ -160,7 +221,11 @@ fn is_known(chunk: &Chunk, known: &KnownChunks, log: &str, output: &mut MapOutpu
     let Some(known) = known.get(&chunk.id) else {
         return false;
     };
-    let is_better = known.gives_way_to(chunk.digest, message_count(&chunk.recording));
+    let is_better = known.gives_way_to(
+        chunk.digest,
+        message_count(&chunk.recording),
+        chunk.recording.model,
+    );
     if known.digest == chunk.digest && !is_better {
         output.known += 1;
     } else if !is_better {
@@ -168,34 +233,37 @@ fn is_known(chunk: &Chunk, known: &KnownChunks, log: &str, output: &mut MapOutpu
         output.set_aside.push(
             SetAside::new(SetAsideKind::Frame, log, reason)
                 .when(chunk.bounds_ns().0)
-                .times(own_frames(chunk)),
+                .times(own_frames_ns(chunk).len() as u64),
         );
     }
     !is_better
 }
 
-fn own_frames(chunk: &Chunk) -> u64 {
+/// Capture times of the frames of a chunk's own window.
+fn own_frames_ns(chunk: &Chunk) -> Vec<i64> {
     let (from_ns, to_ns) = chunk.bounds_ns();
-    between(&chunk.recording.detections, from_ns, to_ns).len() as u64
+    let frames = chunk.recording.frames_ns();
+    frames
+        .filter(|stamp_ns| (from_ns..to_ns).contains(stamp_ns))
+        .collect()
 }
 
 fn message_count(recording: &Recording) -> i32 {
     let count = recording.fixes.len()
         + recording.imu.len()
         + recording.odometry.len()
-        + recording.detections.len();
+        + recording.frames_ns().count();
     i32::try_from(count).unwrap_or(i32::MAX)
 }
 
 fn row(
-    chunk: &Chunk,
+    (chunk, own_ns, messages): (&Chunk, &[i64], i32),
     context: &MapContext,
     topic: &str,
     logs: BTreeSet<String>,
     evidence: &Evidence,
 ) -> ChunkRow {
-    let (from_ns, to_ns) = chunk.bounds_ns();
-    let own = between(&chunk.recording.detections, from_ns, to_ns);
+    let from_ns = chunk.bounds_ns().0;
     let rows = evidence.rows.iter().map(|row| row.tile);
     let sightings = evidence.sightings.iter().map(|row| row.tile);
     let footprints = evidence.footprints.iter().map(|row| row.tile);
@@ -209,15 +277,15 @@ fn row(
         window: chunk.id.window,
         digest: chunk.digest,
         method: context.registering.method(),
-        model: 0,
-        messages: message_count(&chunk.recording),
+        model: chunk.recording.model,
+        messages,
         tiles: tiles.join(","),
         topic: topic.to_owned(),
         log: logs.into_iter().collect::<Vec<_>>().join("\n"),
-        frames: own.len() as i32,
-        frames_set_aside: (own.len() as u64).saturating_sub(evidence.frames) as i32,
-        first_ns: own.first().map_or(from_ns, |frame| frame.stamp_ns),
-        last_ns: own.last().map_or(from_ns, |frame| frame.stamp_ns),
+        frames: own_ns.len() as i32,
+        frames_set_aside: (own_ns.len() as u64).saturating_sub(evidence.frames) as i32,
+        first_ns: own_ns.first().copied().unwrap_or(from_ns),
+        last_ns: own_ns.last().copied().unwrap_or(from_ns),
         given_from_ns,
         given_to_ns,
         xmin: low[0],

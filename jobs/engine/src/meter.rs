@@ -15,6 +15,10 @@ pub enum Stage {
     Index,
     /// Reading and decoding the messages that are wanted.
     Read,
+    /// Decoding pictures.
+    Decode,
+    /// Looking at pictures: bringing them to size, inference, reading the network's answer.
+    Detect,
     /// The map stage: poses, registration, matching, testimony.
     Map,
     /// Writing evidence.
@@ -27,9 +31,11 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::Index,
         Self::Read,
+        Self::Decode,
+        Self::Detect,
         Self::Map,
         Self::Exchange,
         Self::Reduce,
@@ -42,6 +48,8 @@ impl Stage {
         match self {
             Self::Index => "index",
             Self::Read => "read",
+            Self::Decode => "decode",
+            Self::Detect => "detect",
             Self::Map => "map",
             Self::Exchange => "exchange",
             Self::Reduce => "reduce",
@@ -55,6 +63,7 @@ impl Stage {
         match self {
             Self::Index => "logs",
             Self::Read => "messages",
+            Self::Decode | Self::Detect => "pictures",
             Self::Map => "frames",
             Self::Exchange => "rows",
             Self::Reduce | Self::Commit => "tiles",
@@ -104,11 +113,15 @@ impl Meter {
         counters.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    /// The figures so far.
+    /// The figures so far; of stages that pictures alone go through, only where there were any.
     #[must_use]
     pub fn report(&self) -> Vec<StageReport> {
         Stage::ALL
             .iter()
+            .filter(|&&stage| {
+                let items = self.stages[stage as usize].items.load(Ordering::Relaxed);
+                items > 0 || !matches!(stage, Stage::Decode | Stage::Detect)
+            })
             .map(|&stage| {
                 let counters = &self.stages[stage as usize];
                 let items = counters.items.load(Ordering::Relaxed);

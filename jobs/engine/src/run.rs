@@ -18,6 +18,7 @@ use crate::logs::Catalogue;
 use crate::map_job::{Known, KnownChunks, Mapped, map_units};
 use crate::meter::{Meter, StageReport};
 use crate::notes::{self, MountingNote, Without};
+use crate::perceive::Perception;
 use crate::progress::Progress;
 use crate::update::{Revision, Update};
 
@@ -75,10 +76,16 @@ pub struct Plan {
     pub set_aside: Vec<SetAside>,
 }
 
-/// Looks at the logs' summaries only.
+/// Looks at the logs' summaries only; `perception` would look at their pictures.
 #[must_use]
-pub fn plan(logs: &[PathBuf], meter: &Meter, progress: &dyn Progress) -> Plan {
-    let catalogue = Catalogue::open(logs, meter, progress);
+pub fn plan(
+    logs: &[PathBuf],
+    perception: Option<&Perception>,
+    meter: &Meter,
+    progress: &dyn Progress,
+) -> Plan {
+    let model = perception.map(|perception| perception.model().digest);
+    let catalogue = Catalogue::open_seeing(logs, model, meter, progress);
     let units = catalogue.units();
     let vehicles: BTreeSet<&str> = units.iter().map(|unit| unit.vehicle.as_str()).collect();
     Plan {
@@ -125,12 +132,27 @@ pub fn run(
     options: impl Into<RunOptions>,
     progress: &dyn Progress,
 ) -> Result<RunReport, EngineError> {
+    run_seeing(location, logs, options, None, progress)
+}
+
+/// As [`run`], with the pictures of logs without detections: `perception` looks at them.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_seeing(
+    location: &Path,
+    logs: &[PathBuf],
+    options: impl Into<RunOptions>,
+    perception: Option<&Perception>,
+    progress: &dyn Progress,
+) -> Result<RunReport, EngineError> {
     let options = options.into();
+    let model = perception.map(|perception| perception.model().digest);
     let meter = Meter::default();
     let store = Store::open(location.to_path_buf())?;
     let snapshot = store.snapshot(None)?;
     let tile_level = u32::from(store.properties().tile_level);
-    let catalogue = Catalogue::open(logs, &meter, progress);
+    let catalogue = Catalogue::open_seeing(logs, model, &meter, progress);
     let units = catalogue.units();
     let vehicles: BTreeSet<&str> = units.iter().map(|unit| unit.vehicle.as_str()).collect();
     let context = MapContext {
@@ -142,6 +164,7 @@ pub fn run(
     check_method(&known_rows, options.registering.method())?;
     let salt = &store.properties().salt;
     let mapped = map_units(
+        perception,
         &catalogue,
         &units,
         &known_chunks(&known_rows),
@@ -262,7 +285,9 @@ impl Folding<'_> {
 fn keep_better(mapped: &mut Vec<Mapped>, known: &KnownChunks) {
     mapped.retain(|chunk| {
         let known = known.get(&chunk.row.chunk());
-        known.is_none_or(|known| known.gives_way_to(chunk.row.digest, chunk.row.messages))
+        known.is_none_or(|known| {
+            known.gives_way_to(chunk.row.digest, chunk.row.messages, chunk.row.model)
+        })
     });
 }
 

@@ -1,0 +1,222 @@
+//! From pictures to a version: the same bytes by any number of threads, every picture seen once, and
+//! a sentence for everything that is wrong.
+//!
+//! ONNX Runtime must be there (`cargo xtask setup`). The network is one convolution that tells red
+//! from grey, and the pictures are a simulated drive's detections, painted red.
+
+#![allow(clippy::unwrap_used)] // What fails to be made ends its test.
+
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use tilefold_city::{CitySpec, Site, write};
+use tilefold_engine::{
+    Device, InitOptions, Perception, RunOptions, RunReport, Silent, init, run, run_seeing,
+};
+use tilefold_schemas::{ChunkRow, EvidenceRow};
+use tilefold_store::{Store, TileFilter};
+use tilefold_tests::pictures::{Flaw, paint};
+
+const SECONDS: i64 = 45;
+
+fn card() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("data/red_mask/red_mask.toml")
+}
+
+fn perception(card: &Path) -> Perception {
+    Perception::open(card, None, Device::Cpu).unwrap()
+}
+
+/// A small city and one drive through it.
+struct Scene {
+    folder: TempDir,
+    map: PathBuf,
+    drive: PathBuf,
+}
+
+impl Scene {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let spec = CitySpec {
+            seed: 5,
+            site: Site::Drawn { km: 1.0 },
+            vehicles: 1,
+            drives: 1,
+            drive_km: 0.8,
+            noise: "good_gnss".to_owned(),
+            change_share: 0.0,
+            ..CitySpec::default()
+        };
+        let mut files = write(&spec, folder.path()).unwrap();
+        Self {
+            map: files.before_map,
+            drive: files.logs.remove(0),
+            folder,
+        }
+    }
+
+    fn log(&self, flaw: Flaw) -> PathBuf {
+        let log = self.folder.path().join(format!("{flaw:?}.mcap"));
+        paint(&self.drive, &log, SECONDS, flaw);
+        log
+    }
+
+    fn store(&self, name: &str) -> PathBuf {
+        let store = self.folder.path().join(name);
+        let options = InitOptions {
+            tile_level: 15,
+            salt: None,
+        };
+        init(&store, std::slice::from_ref(&self.map), &options).unwrap();
+        store
+    }
+}
+
+fn see(store: &Path, log: &Path, perception: &Perception) -> RunReport {
+    let logs = [log.to_owned()];
+    run_seeing(
+        store,
+        &logs,
+        RunOptions::default(),
+        Some(perception),
+        &Silent,
+    )
+    .unwrap()
+}
+
+fn rows(store: &Path) -> (Vec<ChunkRow>, Vec<EvidenceRow>) {
+    let snapshot = Store::open(store.to_owned())
+        .unwrap()
+        .snapshot(None)
+        .unwrap();
+    (
+        snapshot.read(TileFilter::All).unwrap(),
+        snapshot.read(TileFilter::All).unwrap(),
+    )
+}
+
+fn looked_at(report: &RunReport) -> u64 {
+    let stage = report.stages.iter().find(|stage| stage.stage == "detect");
+    stage.map_or(0, |stage| stage.items)
+}
+
+fn reasons(report: &RunReport) -> String {
+    report
+        .set_aside
+        .iter()
+        .map(|loss| format!("{loss}\n"))
+        .collect()
+}
+
+#[test]
+fn pictures_become_evidence_once_and_the_same_on_any_number_of_threads() {
+    let scene = Scene::new();
+    let log = scene.log(Flaw::None);
+    let red = perception(&card());
+    let by_threads = [1, 2].map(|threads| {
+        let store = scene.store(&format!("store-{threads}"));
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let report = pool.install(|| see(&store, &log, &red));
+        (store, report)
+    });
+    let [(store, report), (other, _)] = &by_threads;
+    let (chunks, evidence) = rows(store);
+    assert_eq!((&chunks, &evidence), (&rows(other).0, &rows(other).1));
+    // Each picture was looked at once, though chunks share their context.
+    let pictures: i32 = chunks.iter().map(|chunk| chunk.frames).sum();
+    assert!(chunks.len() >= 2 && pictures > 200, "{pictures}");
+    assert_eq!(looked_at(report), pictures as u64);
+    let sum = |of: &dyn Fn(&EvidenceRow) -> i32| evidence.iter().map(of).sum::<i32>();
+    let (exposed, hit) = (sum(&|row| row.exposed), sum(&|row| row.hit));
+    assert!(
+        hit > 200 && f64::from(hit) > 0.5 * f64::from(exposed),
+        "{hit} of {exposed}"
+    );
+    let model = red.model().digest;
+    assert!(evidence.iter().all(|row| row.model == model));
+
+    let again = see(store, &log, &red);
+    assert_eq!(
+        (again.is_new_version, again.chunks_mapped, looked_at(&again)),
+        (false, 0, 0)
+    );
+
+    // Another network, which is this one with another threshold, sees everything anew.
+    let folder = tempfile::tempdir().unwrap();
+    let stricter = folder.path().join("stricter.toml");
+    let text = std::fs::read_to_string(card()).unwrap();
+    std::fs::write(
+        &stricter,
+        text.replace("channel = 1", "channel = 1\nthreshold = 0.8"),
+    )
+    .unwrap();
+    std::fs::copy(
+        card().with_extension("onnx"),
+        folder.path().join("red_mask.onnx"),
+    )
+    .unwrap();
+    let stricter = perception(&stricter);
+    assert_ne!(stricter.model().digest, model);
+    let report = see(store, &log, &stricter);
+    assert_eq!(
+        (report.chunks_mapped, looked_at(&report)),
+        (chunks.len(), pictures as u64)
+    );
+    let (chunks, evidence) = rows(store);
+    assert!(
+        chunks
+            .iter()
+            .all(|chunk| chunk.model == stricter.model().digest)
+    );
+    assert!(
+        evidence
+            .iter()
+            .all(|row| row.model == stricter.model().digest)
+    );
+}
+
+#[test]
+fn everything_that_is_wrong_with_a_camera_log_is_said() {
+    let scene = Scene::new();
+    let red = perception(&card());
+    let store = scene.store("store");
+    let blind = run(
+        &store,
+        &[scene.log(Flaw::None)],
+        RunOptions::default(),
+        &Silent,
+    )
+    .unwrap();
+    assert!(
+        reasons(&blind).contains("--detector CARD"),
+        "{}",
+        reasons(&blind)
+    );
+    assert_eq!(blind.chunks_mapped, 0);
+    let said = |flaw: Flaw| {
+        reasons(&see(
+            &scene.store(&format!("{flaw:?}")),
+            &scene.log(flaw),
+            &red,
+        ))
+    };
+    let uncalibrated = said(Flaw::Uncalibrated);
+    assert!(
+        uncalibrated.contains("no calibration; record CameraInfo"),
+        "{uncalibrated}"
+    );
+    let other_size = said(Flaw::OtherSize);
+    assert!(
+        other_size.contains("pictures of 320 x 180 pixels, where the calibration is of 640 x 360"),
+        "{other_size}"
+    );
+    let cut = said(Flaw::CutPicture);
+    assert!(
+        cut.contains("frame ") && cut.contains("the JPEG cannot be decoded"),
+        "{cut}"
+    );
+    assert_eq!(cut.matches("cut off").count(), 1, "{cut}");
+}
