@@ -10,4 +10,5 @@ pub mod map_compare;
 pub mod map_patch;
 pub mod map_write;
 pub mod matching_truth;
+pub mod model;
 pub mod picture;

@@ -9,7 +9,8 @@
 //! piece of XML may take; `xml` walks through the document and `document` says which map it is.
 //! `osm` makes nodes, ways and relations of it; `paint` says which ways are paint; `lanelet2` makes
 //! elements. `opendrive` and `argoverse2` are the other formats; `make` judges the shape of any
-//! element. [`read_roads`] makes lanelets of a Lanelet2 file (`lanelets`), whose borders are stitched
+//! element. `local_frames` puts Autoware's local coordinates on the Earth, `tiles` joins the tiles of a
+//! divided map. [`read_roads`] makes lanelets of a Lanelet2 file (`lanelets`), whose borders are stitched
 //! and turned in `border`; `traffic` says who may drive there and how.
 
 mod argoverse2;
@@ -19,12 +20,16 @@ mod error;
 mod fence;
 mod lanelet2;
 mod lanelets;
+mod local_frames;
 mod make;
+mod mgrs_square;
 mod opendrive;
 mod osm;
 mod paint;
+mod plain_yaml;
 mod roads;
 mod rough;
+mod tiles;
 mod traffic;
 mod xml;
 
@@ -39,8 +44,10 @@ use tilefold_schemas::{Element, SetAside};
 use document::Document;
 
 pub use error::MapError;
+pub use local_frames::{LocalFrames, PROJECTOR_FILE};
 pub(crate) use paint::marking as marking_of;
 pub use roads::{Border, BorderKind, BorderWay, Crossing, Lanelet, Roads};
+pub use tiles::METADATA_FILE;
 
 /// What a map file was written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,13 +100,21 @@ pub struct MapFile {
     pub about: BTreeMap<String, String>,
 }
 
-/// Reads a map file.
+/// Reads a map: a file, or the tiles of one by their metadata file or by the folder that it is in.
 ///
 /// # Errors
-/// If the file cannot be read, is over a limit, is damaged, or is none of the formats that are read.
+/// If a file cannot be read, is over a limit, is damaged, or is none of the formats that are read.
 pub fn read(path: &Path) -> Result<MapFile, MapError> {
+    match tiles::metadata(path) {
+        Some(metadata) => tiles::read(&metadata),
+        None => read_one(path),
+    }
+}
+
+/// Reads one file.
+fn read_one(path: &Path) -> Result<MapFile, MapError> {
     let name = path.display().to_string();
-    read_from(open(path, &name)?, &name)
+    read_in(open(path, &name)?, &name, &mut LocalFrames::beside(path))
 }
 
 /// Reads a map from `source`; `name` is what losses and errors call it. Of an Argoverse 2 map it is
@@ -108,12 +123,19 @@ pub fn read(path: &Path) -> Result<MapFile, MapError> {
 /// # Errors
 /// As [`read`].
 pub fn read_from(source: impl Read, name: &str) -> Result<MapFile, MapError> {
+    read_in(source, name, &mut LocalFrames::default())
+}
+
+fn read_in(source: impl Read, name: &str, frames: &mut LocalFrames) -> Result<MapFile, MapError> {
     let (head, source) = headed(source, name)?;
     if looks_like_object(&head) {
         return argoverse2::read(source, name);
     }
     match document::read(xml(&head, source, name)?, name)? {
-        Document::Osm(osm) => Ok(lanelet2::read(&osm, name)),
+        Document::Osm(mut osm) => {
+            osm.locate(frames);
+            Ok(lanelet2::read(&osm, name))
+        }
         Document::OpenDrive(drive) => opendrive::read(drive, name),
     }
 }
@@ -124,7 +146,7 @@ pub fn read_from(source: impl Read, name: &str) -> Result<MapFile, MapError> {
 /// As [`read`].
 pub fn read_roads(path: &Path) -> Result<Roads, MapError> {
     let name = path.display().to_string();
-    read_roads_from(open(path, &name)?, &name)
+    read_roads_in(open(path, &name)?, &name, &mut LocalFrames::beside(path))
 }
 
 /// Reads the road network of a map from `source`; `name` is what losses and errors call it.
@@ -132,9 +154,20 @@ pub fn read_roads(path: &Path) -> Result<Roads, MapError> {
 /// # Errors
 /// As [`read`].
 pub fn read_roads_from(source: impl Read, name: &str) -> Result<Roads, MapError> {
+    read_roads_in(source, name, &mut LocalFrames::default())
+}
+
+fn read_roads_in(
+    source: impl Read,
+    name: &str,
+    frames: &mut LocalFrames,
+) -> Result<Roads, MapError> {
     let (head, source) = headed(source, name)?;
     match document::read(xml(&head, source, name)?, name)? {
-        Document::Osm(osm) => Ok(lanelets::read(&osm, name)),
+        Document::Osm(mut osm) => {
+            osm.locate(frames);
+            Ok(lanelets::read(&osm, name))
+        }
         Document::OpenDrive(_) => Err(MapError::NoRoads {
             file: name.to_owned(),
         }),

@@ -71,6 +71,7 @@ fn bad_elements_are_set_aside_with_line_and_column() {
             "stop_line needs 2 different points, it has 1",
         ),
         (way("<nd ref='-1'/><nd ref='-1'/>"), "it has 1"),
+        (way(""), "way 8 (line 7, column 1): stop_line needs 2"),
         (
             way("<nd ref='-1'/><nd ref='2'/><tag k='type' v='arrow'/>"),
             "two values",
@@ -109,7 +110,8 @@ fn bad_numbers_are_named_where_they_stand() {
         assert!(reason.contains(says), "{node}\n{reason}");
     }
     let way = "<way id='8'><nd ref='2'/><nd ref='-1'/><tag k='type' v='stop_line'/></way>";
-    let local = "<node id='2' lat='' lon=''><tag k='local_x' v='1'/></node>";
+    let local =
+        "<node id='2' lat='' lon=''><tag k='local_x' v='1'/><tag k='local_y' v='1'/></node>";
     let map = read(format!(
         "<osm><node id='-1' lat='1' lon='1'/>{local}{way}</osm>"
     ))
@@ -117,7 +119,7 @@ fn bad_numbers_are_named_where_they_stand() {
     assert!(
         map.set_aside[0]
             .reason
-            .contains("local coordinates are not read yet")
+            .contains("nothing says what local_x and local_y count from")
     );
     let twice = map_with(&format!("<node id='-1' lat='49.0001' lon='8.4'/>{LINE}"));
     let reason = &read(twice).unwrap().set_aside[0].reason;

@@ -373,6 +373,29 @@ fn the_header_s_offset_turns_and_moves_the_map() {
     assert_near(line[line.len() - 1], [103.0, 104.0, 5.0]);
 }
 
+#[test]
+fn a_code_or_wkt_is_as_good_as_a_proj_string() {
+    let plain = read(&road("<line/>", CENTER_MARK));
+    let wkt = "PROJCS[\"WGS 84 / UTM zone 32N\",GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",AUTHORITY[\"EPSG\",\"6326\"]],\
+               AUTHORITY[\"EPSG\",\"4326\"]],UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"32632\"]]";
+    let wkt2 = "PROJCRS[\"ETRS89 / UTM zone 32N\",BASEGEOGCRS[\"ETRS89\",ID[\"EPSG\",4258]],ID[\"EPSG\",25832]]";
+    for code in [
+        "EPSG:32632",
+        "urn:ogc:def:crs:EPSG::32632",
+        "EPSG:25832",
+        wkt,
+        wkt2,
+    ] {
+        let map = read(&road("<line/>", CENTER_MARK).replace(UTM32, code));
+        let points = |map: &MapFile| local(&map.elements[0]);
+        for (point, expected) in points(&map).into_iter().zip(points(&plain)) {
+            // The ellipsoids of WGS 84 and ETRS89 differ by a tenth of a millimetre.
+            let apart_m = (point[0] - expected[0]).hypot(point[1] - expected[1]);
+            assert!(apart_m < 5e-4, "{code}: {apart_m}");
+        }
+    }
+}
+
 const OBJECTS: &str = "<objects>\
     <object id='1' type='crosswalk' s='50' t='0'><outlines><outline>\
     <cornerRoad s='48' t='-3' dz='0.1'/><cornerRoad s='52' t='-3'/><cornerRoad s='52' t='3'/><cornerRoad s='48' t='3'/>\

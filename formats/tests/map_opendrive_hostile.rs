@@ -135,12 +135,16 @@ fn a_file_that_does_not_say_where_it_is_is_refused() {
         ("", "line 1, column 1: there is no geoReference"),
         ("<header>\n</header>", "there is no geoReference"),
         (
-            "<header>\n<geoReference>EPSG:25832</geoReference></header>",
-            "line 2, column 1: the geoReference \"EPSG:25832\"",
+            "<header>\n<geoReference>EPSG:31467</geoReference></header>",
+            "line 2, column 1: the geoReference \"EPSG:31467\"",
+        ),
+        (
+            "<header><geoReference>EPSG:99999999999</geoReference></header>",
+            "is no PROJ string or UTM code",
         ),
         (
             "<header><geoReference>+proj=nonsense</geoReference></header>",
-            "is no PROJ string that is read",
+            "is no PROJ string or UTM code that is read",
         ),
         (
             "<header><geoReference>+proj=longlat +datum=WGS84</geoReference></header>",

@@ -19,6 +19,7 @@ use crate::candidates::candidate_id;
 use crate::elements::round_degrees;
 use crate::explain::{Explained, Weight};
 use crate::fold::Fold;
+use crate::groups::{Groups, degrees_of};
 use crate::look::{self, Look, Sighted};
 
 /// Sightings are of one thing if they lie within this of each other: along the way, where a vehicle's
@@ -39,8 +40,6 @@ const READABLE_COS: f64 = 0.707;
 /// An outline and what its place may be off keep this far from the border of what was looked at, in
 /// metres.
 const MARGIN_M: f64 = 2.5;
-/// Metres of a degree of latitude.
-const DEGREE_M: f64 = 111_000.0;
 /// No footprint reaches farther, in metres.
 const REACH_M: f64 = 40.0;
 
@@ -79,7 +78,7 @@ pub fn explain(
 ) -> Vec<Explained> {
     let looks = AreaLooks::new(footprints);
     let mut explained: Vec<Explained> = Vec::new();
-    for component in components(sightings) {
+    for component in Groups::of_areas(sightings).all() {
         let Some(frame) = component.first().and_then(|sighting| anchor(sighting)) else {
             continue;
         };
@@ -120,55 +119,6 @@ pub fn misses_to_flip(added: &ChangeRecord) -> u32 {
 fn anchor(sighting: &Sighting) -> Option<LocalFrame> {
     let [lon, lat, _] = *wkb::read(&sighting.geometry).ok()?.points.first()?;
     Some(LocalFrame::new([lon, lat, 0.0]))
-}
-
-/// Sightings of areas of one kind in groups that come near each other, each in canonical order.
-fn components(sightings: &[Sighting]) -> Vec<Vec<&Sighting>> {
-    let is_area = |sighting: &&Sighting| sighting.kind != ElementKind::LaneMarking.code();
-    let mut ordered: Vec<&Sighting> = sightings.iter().filter(is_area).collect();
-    ordered.sort_by_key(|s| (s.first_ns, s.vehicle, s.channel, s.window, s.track));
-    let place = |sighting: &Sighting| {
-        let geometry = wkb::read(&sighting.geometry).ok()?;
-        let [lon, lat, _] = *geometry.points.first()?;
-        Some([lon, lat])
-    };
-    let places: Vec<Option<[f64; 2]>> = ordered.iter().map(|s| place(s)).collect();
-    let entries = places.iter().enumerate();
-    let entries = entries.filter_map(|(index, at)| Some(GeomWithData::new((*at)?, index)));
-    let tree = RTree::bulk_load(entries.collect());
-    let mut is_free: Vec<bool> = places.iter().map(Option::is_some).collect();
-    let mut components = Vec::new();
-    for start in 0..ordered.len() {
-        if !std::mem::replace(&mut is_free[start], false) {
-            continue;
-        }
-        let mut members = vec![start];
-        let mut next = 0;
-        while let Some(&member) = members.get(next) {
-            next += 1;
-            let Some([lon, lat]) = places[member] else {
-                continue;
-            };
-            let (dlon, dlat) = degrees_of(2.0 * ALONG_M, lat);
-            let around = AABB::from_corners([lon - dlon, lat - dlat], [lon + dlon, lat + dlat]);
-            for near in tree.locate_in_envelope(around) {
-                let is_kind = ordered[near.data].kind == ordered[member].kind;
-                if is_kind && std::mem::replace(&mut is_free[near.data], false) {
-                    members.push(near.data);
-                }
-            }
-        }
-        members.sort_unstable();
-        components.push(members.into_iter().map(|index| ordered[index]).collect());
-    }
-    components
-}
-
-/// Degrees of longitude and latitude of a length in metres at a latitude.
-fn degrees_of(metres: f64, latitude_deg: f64) -> (f64, f64) {
-    let latitude = metres / DEGREE_M;
-    let shrink = libm::cos(latitude_deg.to_radians()).max(0.01);
-    (latitude / shrink, latitude)
 }
 
 impl<'a> Seen<'a> {

@@ -1,18 +1,17 @@
 //! Candidates: paint that the map lacks, found by following sightings, and confronted with every
 //! pass that looked there.
 //!
-//! Sightings that touch form a component; each is worked on in its own plane, so nothing depends
-//! on tile borders. Within a component a line is followed from its best supported place in both
-//! directions, two metres at a time, along the median of what the vehicles saw. Ties are broken
-//! by time, vehicle and track, never by order of arrival.
+//! Sightings that touch form a component ([`crate::groups`]); each is worked on in its own plane, so nothing depends
+//! on tile borders. Within a component lines are followed ([`crate::follow`]). Ties are broken by time,
+//! vehicle and track, never by order of arrival.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
 use tilefold_schemas::{ChangeRecord, ElementKind, Footprint, Sighting, Verdict, fixed, wkb};
 use tilefold_tiler::geodesy::LocalFrame;
-use tilefold_tiler::map_index::{MapIndex, MappedElement, bounds};
+use tilefold_tiler::map_index::{MapIndex, MappedElement};
 use tilefold_tiler::side::side_visibility;
 use tilefold_tiler::station::{Polyline, Projection};
 use tilefold_tiler::tile::tile_of;
@@ -21,17 +20,11 @@ use crate::chain;
 use crate::elements::{SECTION_M, round_degrees};
 use crate::explain::{Explained, Weight};
 use crate::fold::Fold;
+use crate::follow::{Followed, STEP_M, Vertex, follow_all, unit};
+use crate::groups::Groups;
 use crate::look::{self, Look, Sighted};
 use crate::moved::{self, Gone};
 
-/// Sightings whose boxes come this near belong to one component, in degrees (about 5 m).
-const TOUCH_DEG: f64 = 5e-5;
-/// Step of following, in metres.
-const STEP_M: f64 = 2.0;
-/// Half length and half width of the window that is looked at in each step, in metres.
-const WINDOW_M: (f64, f64) = (4.0, 0.9);
-/// A line is followed over at most this much road without a sighting, in metres.
-const MAX_GAP_M: f64 = 12.0;
 /// A vehicle's sighting within this distance along the line is a hit, in metres.
 const HIT_REACH_M: f64 = 6.0;
 /// How often a line is sighted: clutter, too, lasts long enough for a track.
@@ -51,27 +44,6 @@ const CLOSE_M: f64 = 1.1;
 const MIN_LENGTH_M: f64 = 35.0;
 /// A footprint shows a place if it is in its range widened by half a sample, in metres.
 const RANGE_SLACK_M: f64 = 3.0;
-
-/// A vertex of a sighting.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Vertex {
-    at: [f64; 2],
-    /// Unit vector along the sighting.
-    along: [f64; 2],
-    vehicle: i64,
-    /// Index of its sighting within the component.
-    sighting: usize,
-    /// Squared mean visibility: what is seen from the side is placed worse.
-    weight: f64,
-}
-
-/// A line that was followed, in the plane of its component.
-#[derive(Debug, Clone, Default, PartialEq)]
-struct Followed {
-    nodes: Vec<[f64; 2]>,
-    /// Vehicles that saw it near each node, with the sightings.
-    seen_by: Vec<BTreeMap<i64, BTreeSet<usize>>>,
-}
 
 /// Change records of all additions in `sightings`, by owner tile (that of their first vertex).
 #[must_use]
@@ -99,7 +71,8 @@ pub fn explain(
     fold: &Fold,
 ) -> Vec<Explained> {
     let looks = LookIndex::new(footprints, map, gone);
-    let mut explained: Vec<Explained> = components(sightings)
+    let mut explained: Vec<Explained> = Groups::of_lines(sightings)
+        .all()
         .into_iter()
         .flat_map(|component| judge_component(&component, &looks, tile_level, fold))
         .collect();
@@ -124,58 +97,6 @@ pub fn misses_to_flip(added: &ChangeRecord) -> u32 {
         PRIOR_ADDED,
         sections * WORTH * unseen.nats(false, SIGHTED),
     )
-}
-
-/// Sightings in groups that touch, each in canonical order.
-fn components(sightings: &[Sighting]) -> Vec<Vec<&Sighting>> {
-    let is_line = |sighting: &&Sighting| sighting.kind == ElementKind::LaneMarking.code();
-    let mut ordered: Vec<&Sighting> = sightings.iter().filter(is_line).collect();
-    ordered.sort_by_key(|s| (s.first_ns, s.vehicle, s.channel, s.window, s.track));
-    let boxes: Vec<([f64; 2], [f64; 2])> = ordered
-        .iter()
-        .map(|sighting| bounds(&vertices_of(sighting)))
-        .collect();
-    let tree = RTree::bulk_load(
-        boxes
-            .iter()
-            .enumerate()
-            .map(|(index, (low, high))| {
-                GeomWithData::new(Rectangle::from_corners(*low, *high), index)
-            })
-            .collect(),
-    );
-    let mut component_of = vec![usize::MAX; ordered.len()];
-    let mut components: Vec<Vec<usize>> = Vec::new();
-    for start in 0..ordered.len() {
-        if component_of[start] != usize::MAX {
-            continue;
-        }
-        let number = components.len();
-        component_of[start] = number;
-        let mut members = vec![start];
-        let mut next = 0;
-        while let Some(&member) = members.get(next) {
-            next += 1;
-            let (low, high) = boxes[member];
-            let around = AABB::from_corners(
-                low.map(|value| value - TOUCH_DEG),
-                high.map(|value| value + TOUCH_DEG),
-            );
-            for touched in tree.locate_in_envelope_intersecting(around) {
-                if component_of[touched.data] == usize::MAX {
-                    component_of[touched.data] = number;
-                    members.push(touched.data);
-                }
-            }
-        }
-        members.sort_unstable();
-        components.push(members);
-    }
-    let sighting = |index: usize| ordered[index];
-    components
-        .into_iter()
-        .map(|members| members.into_iter().map(sighting).collect())
-        .collect()
 }
 
 /// Vertices of a sighting; none if its geometry is damaged (the store checks that before).
@@ -232,211 +153,6 @@ fn plane_vertices(component: &[&Sighting], frame: &LocalFrame) -> Vec<Vertex> {
         }
     }
     vertices
-}
-
-fn unit([x, y]: [f64; 2]) -> Option<[f64; 2]> {
-    let length = x.hypot(y);
-    (length > 1e-9).then(|| [x / length, y / length])
-}
-
-/// Follows lines until no place is left that `quorum` vehicles saw.
-fn follow_all(vertices: &[Vertex], quorum: usize) -> Vec<Followed> {
-    let tree = RTree::bulk_load(
-        vertices
-            .iter()
-            .enumerate()
-            .map(|(index, vertex)| GeomWithData::new(vertex.at, index))
-            .collect(),
-    );
-    let mut free = vec![true; vertices.len()];
-    // Support only shrinks while vertices are used up, so the order of seeds can be made once.
-    let mut seeds: Vec<(std::cmp::Reverse<usize>, usize)> = (0..vertices.len())
-        .map(|index| {
-            let seed = &vertices[index];
-            let window = Window::new(seed.at, seed.along);
-            let support = window.gather(&tree, vertices, &free).by_vehicle.len();
-            (std::cmp::Reverse(support), index)
-        })
-        .collect();
-    seeds.sort_unstable();
-    let mut lines = Vec::new();
-    for (_, index) in seeds {
-        if !free[index] {
-            continue;
-        }
-        let seed = &vertices[index];
-        let support = Window::new(seed.at, seed.along).gather(&tree, vertices, &free);
-        if support.by_vehicle.len() < quorum {
-            continue;
-        }
-        let line = follow(seed, &tree, vertices, &free);
-        use_up(&line, &tree, vertices, &mut free);
-        free[index] = false;
-        lines.push(line);
-    }
-    lines
-}
-
-type VertexTree = RTree<GeomWithData<[f64; 2], usize>>;
-
-/// The window around a place of a line.
-struct Window {
-    at: [f64; 2],
-    along: [f64; 2],
-}
-
-/// What one vehicle saw in a window: weighted sums over its vertices.
-#[derive(Default)]
-struct SeenByVehicle {
-    across: f64,
-    along: [f64; 2],
-    weight: f64,
-    /// The clearest of its vertices: what the vehicle counts for among others.
-    best_weight: f64,
-    sightings: BTreeSet<usize>,
-}
-
-/// What was seen in a window.
-#[derive(Default)]
-struct Gathered {
-    by_vehicle: BTreeMap<i64, SeenByVehicle>,
-}
-
-impl Window {
-    fn new(at: [f64; 2], along: [f64; 2]) -> Self {
-        Self { at, along }
-    }
-
-    /// Distance along and across (left positive) of a place.
-    fn coordinates(&self, [east, north]: [f64; 2]) -> (f64, f64) {
-        let (dx, dy) = (east - self.at[0], north - self.at[1]);
-        let [c, s] = self.along;
-        (c * dx + s * dy, -s * dx + c * dy)
-    }
-
-    fn indices(&self, tree: &VertexTree, vertices: &[Vertex]) -> Vec<usize> {
-        let reach = WINDOW_M.0.hypot(WINDOW_M.1);
-        let envelope = AABB::from_corners(
-            self.at.map(|value| value - reach),
-            self.at.map(|value| value + reach),
-        );
-        let mut found: Vec<usize> = tree
-            .locate_in_envelope_intersecting(envelope)
-            .map(|entry| entry.data)
-            .filter(|&index| {
-                let (along, across) = self.coordinates(vertices[index].at);
-                along.abs() <= WINDOW_M.0 && across.abs() <= WINDOW_M.1
-            })
-            .collect();
-        found.sort_unstable();
-        found
-    }
-
-    fn gather(&self, tree: &VertexTree, vertices: &[Vertex], free: &[bool]) -> Gathered {
-        let mut gathered = Gathered::default();
-        for index in self.indices(tree, vertices) {
-            let vertex = &vertices[index];
-            let dot = vertex.along[0] * self.along[0] + vertex.along[1] * self.along[1];
-            // Lines that cross are other lines.
-            if !free[index] || dot.abs() < 0.9 {
-                continue;
-            }
-            let (_, across) = self.coordinates(vertex.at);
-            let entry = gathered.by_vehicle.entry(vertex.vehicle).or_default();
-            entry.across += vertex.weight * across;
-            entry.along[0] += vertex.weight * vertex.along[0] * dot.signum();
-            entry.along[1] += vertex.weight * vertex.along[1] * dot.signum();
-            entry.weight += vertex.weight;
-            entry.best_weight = entry.best_weight.max(vertex.weight);
-            entry.sightings.insert(vertex.sighting);
-        }
-        gathered
-    }
-}
-
-impl Gathered {
-    /// Weighted median over vehicles of their mean offsets, and the mean direction.
-    fn middle(&self) -> Option<(f64, [f64; 2])> {
-        let vehicles = || self.by_vehicle.values().filter(|seen| seen.weight > 0.0);
-        let mut offsets: Vec<(f64, f64)> = vehicles()
-            .map(|seen| (seen.across / seen.weight, seen.best_weight))
-            .collect();
-        offsets.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let half = 0.5 * offsets.iter().map(|(_, weight)| weight).sum::<f64>();
-        let mut below = 0.0;
-        let (across, _) = *offsets.iter().find(|(_, weight)| {
-            below += weight;
-            below >= half
-        })?;
-        let mut along = [0.0; 2];
-        for seen in vehicles() {
-            along[0] += seen.best_weight * seen.along[0] / seen.weight;
-            along[1] += seen.best_weight * seen.along[1] / seen.weight;
-        }
-        Some((across, unit(along)?))
-    }
-
-    fn seen_by(self) -> BTreeMap<i64, BTreeSet<usize>> {
-        let vehicles = self.by_vehicle.into_iter();
-        vehicles
-            .map(|(vehicle, seen)| (vehicle, seen.sightings))
-            .collect()
-    }
-}
-
-/// Follows a line from a seed both ways.
-fn follow(seed: &Vertex, tree: &VertexTree, vertices: &[Vertex], free: &[bool]) -> Followed {
-    let ahead = follow_one_way(seed.at, seed.along, tree, vertices, free);
-    let backward = seed.along.map(|value| -value);
-    let mut line = follow_one_way(seed.at, backward, tree, vertices, free);
-    line.nodes.reverse();
-    line.seen_by.reverse();
-    // Both begin with the node at the seed.
-    line.nodes.extend(ahead.nodes.into_iter().skip(1));
-    line.seen_by.extend(ahead.seen_by.into_iter().skip(1));
-    line
-}
-
-fn follow_one_way(
-    mut at: [f64; 2],
-    mut along: [f64; 2],
-    tree: &VertexTree,
-    vertices: &[Vertex],
-    free: &[bool],
-) -> Followed {
-    let mut line = Followed::default();
-    let mut gap_m = 0.0;
-    while gap_m <= MAX_GAP_M {
-        let gathered = Window::new(at, along).gather(tree, vertices, free);
-        match gathered.middle() {
-            Some((across, direction)) => {
-                at = [at[0] - across * along[1], at[1] + across * along[0]];
-                // Turn half way: one step is short against the radius of any road.
-                let turned = [along[0] + direction[0], along[1] + direction[1]];
-                along = unit(turned).unwrap_or(along);
-                gap_m = 0.0;
-            }
-            None => gap_m += STEP_M,
-        }
-        line.nodes.push(at);
-        line.seen_by.push(gathered.seen_by());
-        at = [at[0] + STEP_M * along[0], at[1] + STEP_M * along[1]];
-    }
-    while line.seen_by.last().is_some_and(BTreeMap::is_empty) {
-        line.seen_by.pop();
-        line.nodes.pop();
-    }
-    line
-}
-
-fn use_up(line: &Followed, tree: &VertexTree, vertices: &[Vertex], free: &mut [bool]) {
-    for pair in line.nodes.windows(2) {
-        if let Some(along) = unit([pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]]) {
-            for index in Window::new(pair[0], along).indices(tree, vertices) {
-                free[index] = false;
-            }
-        }
-    }
 }
 
 /// Footprints by place, in degrees.

@@ -16,6 +16,8 @@ pub mod explain;
 pub mod fit;
 pub mod flip;
 pub mod fold;
+mod follow;
+pub mod groups;
 mod lines;
 mod look;
 mod markings;

@@ -8,6 +8,7 @@ use std::env;
 use std::path::{Path, PathBuf};
 
 use crate::command::{Failure, Step};
+use crate::python;
 
 /// The version that the book is written for; the same as in `xtask/mdbook.txt`.
 const MDBOOK: &str = "0.5.4";
@@ -24,7 +25,7 @@ pub(crate) fn run(root: &Path) -> Result<(), Failure> {
 
 /// The mdBook program, installed if need be.
 fn mdbook(root: &Path) -> Result<PathBuf, Failure> {
-    let tools = target_folder(root).join(format!("tools/mdbook-{MDBOOK}"));
+    let tools = python::tool_folder(root, &format!("mdbook-{MDBOOK}"));
     let ours = tools
         .join("bin")
         .join(format!("mdbook{}", env::consts::EXE_SUFFIX));
@@ -33,7 +34,7 @@ fn mdbook(root: &Path) -> Result<PathBuf, Failure> {
             return Ok(program);
         }
     }
-    install(root, &tools)?;
+    python::install(root, "xtask/mdbook.txt", &tools, &by_hand())?;
     if is_ours(root, &ours) {
         return Ok(ours);
     }
@@ -50,22 +51,6 @@ fn is_ours(root: &Path, program: &Path) -> bool {
         .is_some_and(|said| said.trim().ends_with(MDBOOK))
 }
 
-fn install(root: &Path, into: &Path) -> Result<(), Failure> {
-    Step::new("python3", root)
-        .args(
-            "-m pip install --quiet --disable-pip-version-check --root-user-action=ignore"
-                .split(' '),
-        )
-        .args("--no-deps --only-binary :all: --require-hashes --upgrade".split(' '))
-        .args(["-r", "xtask/mdbook.txt", "--target"])
-        .args([into])
-        .run(&by_hand())
-}
-
 fn by_hand() -> String {
     format!("Install it by hand: `cargo install mdbook --version {MDBOOK} --locked` (some minutes)")
-}
-
-fn target_folder(root: &Path) -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |target| root.join(target))
 }

@@ -116,6 +116,9 @@ impl Step {
 
     fn command(&self) -> Command {
         let mut command = Command::new(&self.program);
+        for key in said_of_us() {
+            command.env_remove(key);
+        }
         command
             .args(&self.arguments)
             .envs(self.environment.iter().map(|(key, value)| (key, value)))
@@ -136,6 +139,16 @@ impl fmt::Display for Step {
         }
         Ok(())
     }
+}
+
+/// What cargo said of this package when it started us. Build scripts of dependencies heed these (that
+/// of `ring` does): passed on, they would have everything built anew that was built without us.
+fn said_of_us() -> impl Iterator<Item = OsString> {
+    let is_ours = |key: &OsString| {
+        let key = key.to_string_lossy();
+        key.starts_with("CARGO_PKG_") || key.starts_with("CARGO_MANIFEST_")
+    };
+    env::vars_os().map(|(key, _)| key).filter(is_ours)
 }
 
 /// The folder of the workspace: the parent of this crate's own.

@@ -1,10 +1,12 @@
-//! `cargo xtask test`: every test of the workspace, and every example in its documentation.
+//! `cargo xtask test`: every test of the workspace, and every example in its documentation; without
+//! arguments also those that need an S3 server.
 //!
 //! ONNX Runtime is set up first: its tests fail where it is not. Tests on real data look for it themselves and say so where they are skipped.
 
 use std::path::Path;
 
 use crate::command::{Failure, Step};
+use crate::s3;
 use crate::setup;
 
 /// Runs the tests with cargo-nextest where it is installed, and else with `cargo test`.
@@ -19,7 +21,11 @@ pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
         None => test("test --lib --bins --tests"),
     };
     tests.run("The failing test is named above; run it alone with `cargo xtask test NAME`")?;
-    test("test --doc").run("The failing example is named above")
+    test("test --doc").run("The failing example is named above")?;
+    if arguments.is_empty() {
+        s3::run(root)?;
+    }
+    Ok(())
 }
 
 /// `--workspace` would overrule a package that is asked for.

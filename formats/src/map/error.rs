@@ -57,6 +57,14 @@ pub enum MapError {
         /// The cities that are known.
         cities: String,
     },
+    /// A divided map of which a tile is missing, or whose tiles disagree.
+    #[error("divided map {file}: {what}; divide the map again")]
+    Tiles {
+        /// The metadata file.
+        file: String,
+        /// What is wrong.
+        what: String,
+    },
     /// A map without lanelets.
     #[error("map {file} is OpenDRIVE: roads to drive on are read from Lanelet2 (.osm) only")]
     NoRoads {

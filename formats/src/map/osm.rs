@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use tilefold_schemas::limits::{MAX_POINTS_PER_ELEMENT, MAX_TAG_BYTES, MAX_TAGS_PER_ELEMENT};
 
 use super::fence::Place;
+use super::local_frames::LocalFrames;
 use super::xml::{Attributes, Take, shown};
 
 /// A file's content.
@@ -27,10 +28,30 @@ pub(super) enum Node {
     At([f64; 3]),
     /// `[longitude_deg, latitude_deg]` of a node without an elevation.
     Flat([f64; 2]),
+    /// In metres of a frame that the file does not state; see [`Osm::locate`].
+    Local(Box<LocalNode>),
     /// Marked as deleted.
     Deleted,
     /// Not usable, for a reason that says where.
     Wrong(Box<str>),
+}
+
+/// A node of Autoware's without latitude and longitude.
+#[derive(Debug)]
+pub(super) struct LocalNode {
+    local_m: [f64; 2],
+    elevation_m: Option<f64>,
+    mgrs_code: Option<String>,
+    place: Place,
+}
+
+/// The same node may stand in a file twice.
+impl PartialEq for LocalNode {
+    fn eq(&self, other: &Self) -> bool {
+        self.local_m == other.local_m
+            && self.elevation_m == other.elevation_m
+            && self.mgrs_code == other.mgrs_code
+    }
 }
 
 /// What ways and relations share.
@@ -44,6 +65,21 @@ pub(super) struct Thing {
 }
 
 impl Osm {
+    /// Puts local nodes on the Earth. One whose frame nobody knows becomes wrong.
+    pub(super) fn locate(&mut self, frames: &mut LocalFrames) {
+        for (id, node) in &mut self.nodes {
+            let Node::Local(local) = node else { continue };
+            let found = frames.wgs84_from(local.local_m, local.mgrs_code.as_deref());
+            *node = match (found, local.elevation_m) {
+                (Ok([longitude_deg, latitude_deg]), Some(elevation_m)) => {
+                    Node::At([longitude_deg, latitude_deg, elevation_m])
+                }
+                (Ok(point), None) => Node::Flat(point),
+                (Err(why), _) => Node::Wrong(format!("node {id} ({}): {why}", local.place).into()),
+            };
+        }
+    }
+
     /// The vertices of a way, `[longitude_deg, latitude_deg, elevation_m]`; 0 m where no elevation is
     /// stated.
     pub(super) fn points(&self, way: &Way) -> Result<Vec<[f64; 3]>, String> {
@@ -54,6 +90,7 @@ impl Osm {
                 Some(Node::Flat([longitude_deg, latitude_deg])) => {
                     Ok([*longitude_deg, *latitude_deg, 0.0])
                 }
+                Some(Node::Local(_)) => Err(format!("its node {id} has local coordinates only")),
                 Some(Node::Deleted) => Err(format!("its node {id} is deleted")),
                 Some(Node::Wrong(why)) => Err(format!("its {why}")),
                 None => Err(format!("its node {id} is not in the file")),
@@ -110,7 +147,7 @@ impl Take for Parser {
                 self.osm.about.extend(named);
             }
             (1, "node" | "way" | "relation") => self.open(name, attributes, place),
-            (1, "MetaInfo") => self.osm.about.extend(attributes),
+            (1, _) if name.eq_ignore_ascii_case("MetaInfo") => self.osm.about.extend(attributes),
             (2, "tag") => self.tag(attributes),
             (2, "nd") => self.node_of_way(&attributes),
             (2, "member") => self.member(&attributes),
@@ -179,7 +216,7 @@ impl Parser {
             return;
         }
         let read = match thing.wrong {
-            None => position(at, &thing.tags),
+            None => position(at, &thing),
             Some(wrong) => Err(wrong),
         };
         let node = match read {
@@ -290,24 +327,32 @@ fn reference(attributes: &Attributes) -> Result<i64, String> {
     })
 }
 
-fn position(at: &Attributes, tags: &BTreeMap<String, String>) -> Result<Node, String> {
+fn position(at: &Attributes, thing: &Thing) -> Result<Node, String> {
     let text = |key: &str| at.get(key).map_or("", |value| value.trim());
-    if text("lat").is_empty() && text("lon").is_empty() && tags.contains_key("local_x") {
-        return Err(
-            "it has local_x and local_y but no lat and lon; local coordinates are not read yet: \
-             export the map with lat and lon"
-                .to_owned(),
-        );
+    let tag = |key: &str| thing.tags.get(key).map_or("", |value| value.trim());
+    let elevation_m = match tag("ele") {
+        "" => None,
+        elevation => Some(coordinate("ele", elevation, MAX_ELEVATION_M)?),
+    };
+    if text("lat").is_empty() && text("lon").is_empty() && thing.tags.contains_key("local_x") {
+        let local = |axis| coordinate(axis, tag(axis), MAX_LOCAL_M);
+        return Ok(Node::Local(Box::new(LocalNode {
+            local_m: [local("local_x")?, local("local_y")?],
+            elevation_m,
+            mgrs_code: Some(tag("mgrs_code").to_owned()).filter(|code| !code.is_empty()),
+            place: thing.place,
+        })));
     }
     let longitude_deg = coordinate("lon", text("lon"), 180.0)?;
     let latitude_deg = coordinate("lat", text("lat"), 90.0)?;
-    let elevation = tags.get("ele").map_or("", |value| value.trim());
-    if elevation.is_empty() {
-        return Ok(Node::Flat([longitude_deg, latitude_deg]));
-    }
-    let elevation_m = coordinate("ele", elevation, MAX_ELEVATION_M)?;
-    Ok(Node::At([longitude_deg, latitude_deg, elevation_m]))
+    Ok(match elevation_m {
+        Some(elevation_m) => Node::At([longitude_deg, latitude_deg, elevation_m]),
+        None => Node::Flat([longitude_deg, latitude_deg]),
+    })
 }
+
+/// Farther from its origin no plane is a map.
+const MAX_LOCAL_M: f64 = 1_000_000.0;
 
 /// No road is higher or deeper than this.
 const MAX_ELEVATION_M: f64 = 20_000.0;

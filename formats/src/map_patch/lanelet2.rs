@@ -49,6 +49,8 @@ struct Style {
     quote: char,
     line: &'static str,
     indent: String,
+    /// Latitude and longitude stay empty.
+    is_local: bool,
 }
 
 impl Style {
@@ -74,6 +76,7 @@ impl Style {
             } else {
                 String::new()
             },
+            is_local: text.is_local(),
         }
     }
 
@@ -98,10 +101,14 @@ impl Style {
     }
 
     fn node(&self, id: i64, point: [f64; 3], with_elevation: bool, grid: &LocalGrid) -> String {
+        let written = |degree| match self.is_local {
+            true => String::new(),
+            false => degrees(degree),
+        };
         let [id, lat, lon] = [
             ("id", id.to_string()),
-            ("lat", degrees(point[1])),
-            ("lon", degrees(point[0])),
+            ("lat", written(point[1])),
+            ("lon", written(point[0])),
         ]
         .map(|(name, value)| self.attribute(name, &value));
         let mut tags = grid.tags(point);
@@ -208,8 +215,10 @@ impl<'a> Edits<'a> {
 
     fn move_node(&mut self, node: &Thing, point: [f64; 3], grid: &LocalGrid) {
         self.bump(node);
-        self.set(node, "lon", &degrees(point[0]));
-        self.set(node, "lat", &degrees(point[1]));
+        if !node.is_local() {
+            self.set(node, "lon", &degrees(point[0]));
+            self.set(node, "lat", &degrees(point[1]));
+        }
         let mut said = grid.tags(point);
         said.insert("ele".to_owned(), metres(point[2]));
         for (key, value) in said {

@@ -8,6 +8,7 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 
 use super::PatchError;
+use crate::map::LocalFrames;
 
 /// An OSM file and where its nodes, ways and relations stand.
 #[derive(Debug)]
@@ -19,6 +20,8 @@ pub struct OsmText {
     /// Where things of each kind are added: behind the last of them.
     pub(crate) end_of_nodes: usize,
     pub(crate) end_of_ways: usize,
+    /// `[longitude_deg, latitude_deg]` of nodes that have local coordinates only.
+    located: BTreeMap<i64, [f64; 2]>,
 }
 
 /// A node, way or relation.
@@ -50,6 +53,15 @@ impl Thing {
 
     pub(crate) fn tag(&self, key: &str) -> &str {
         self.tags.get(key).map_or("", |said| said.value.trim())
+    }
+
+    /// Whether latitude and longitude are left empty.
+    pub(crate) fn is_local(&self) -> bool {
+        let is_empty = |key: &str| {
+            let said = self.attributes.get(key);
+            said.is_none_or(|said| said.value.trim().is_empty())
+        };
+        is_empty("lat") && is_empty("lon") && self.tags.contains_key("local_x")
     }
 
     pub(crate) fn plain_tags(&self) -> BTreeMap<String, String> {
@@ -93,12 +105,36 @@ impl OsmText {
             relations: BTreeMap::new(),
             end_of_nodes: 0,
             end_of_ways: 0,
+            located: BTreeMap::new(),
         };
         found
             .scan(&text)
             .map_err(|(offset, what)| wrong(offset, what))?;
         found.text = text;
         Ok(found)
+    }
+
+    /// The file with its local nodes on the Earth, as [`crate::map::read`] puts them there.
+    #[must_use]
+    pub fn located(mut self, frames: &mut LocalFrames) -> Self {
+        for (id, node) in &self.nodes {
+            let local = |axis| node.tag(axis).parse().ok();
+            if !node.is_local() {
+                continue;
+            }
+            let code = Some(node.tag("mgrs_code")).filter(|code| !code.is_empty());
+            if let (Some(x), Some(y)) = (local("local_x"), local("local_y"))
+                && let Ok(point) = frames.wgs84_from([x, y], code)
+            {
+                self.located.insert(*id, point);
+            }
+        }
+        self
+    }
+
+    /// Whether nodes leave latitude and longitude empty.
+    pub(crate) fn is_local(&self) -> bool {
+        !self.located.is_empty()
     }
 
     fn scan(&mut self, text: &str) -> Result<(), (u64, String)> {
@@ -187,10 +223,14 @@ impl OsmText {
     }
 
     /// `[longitude_deg, latitude_deg, elevation_m]`.
-    pub(crate) fn position(&self, node: i64) -> Option<[f64; 3]> {
-        let node = self.nodes.get(&node)?;
+    pub(crate) fn position(&self, id: i64) -> Option<[f64; 3]> {
+        let node = self.nodes.get(&id)?;
         let elevation_m = node.tag("ele").parse().unwrap_or(0.0);
-        Some([node.number("lon")?, node.number("lat")?, elevation_m])
+        let [longitude_deg, latitude_deg] = match self.located.get(&id) {
+            Some(point) => *point,
+            None => [node.number("lon")?, node.number("lat")?],
+        };
+        Some([longitude_deg, latitude_deg, elevation_m])
     }
 }
 

@@ -30,6 +30,14 @@ pub enum StoreError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The bucket is not there, or does not let us in.
+    #[error("cannot reach {location}: {reason}")]
+    Unreachable {
+        /// The location as it was given.
+        location: String,
+        /// What is wrong, what mends it, and what the storage said.
+        reason: String,
+    },
     /// The store was written by a later Tilefold.
     #[error(
         "{location} has the store format {found}, but this Tilefold knows formats up to {known}; \

@@ -24,6 +24,7 @@ mod layout;
 mod location;
 mod order;
 mod properties;
+mod s3;
 mod snapshot;
 mod store;
 mod transaction;

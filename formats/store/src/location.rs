@@ -21,6 +21,7 @@ use url::Url;
 
 use crate::error::StoreError;
 use crate::folder::Folder;
+use crate::s3;
 
 /// Threads of the private runtime. They only wait for storage.
 const WAITING_THREADS: usize = 2;
@@ -33,7 +34,7 @@ const WHOLE: &str = "tilefold";
 pub enum Location {
     /// A folder on this machine.
     Folder(PathBuf),
-    /// A URL such as `s3://bucket/store`; which schemes work depends on how this was built.
+    /// A URL: `s3://bucket/store`, or a scheme that is registered with Delta Lake.
     Url(String),
 }
 
@@ -82,6 +83,11 @@ impl fmt::Display for Location {
 }
 
 impl Location {
+    /// Whether it is in a bucket of S3.
+    fn is_bucket(&self) -> bool {
+        matches!(self, Self::Url(url) if url.starts_with("s3://"))
+    }
+
     /// A `file:` URL is a folder like any other.
     fn folder(&self) -> Option<PathBuf> {
         match self {
@@ -157,11 +163,15 @@ impl Root {
     fn url(text: &str, location: &Location) -> Result<Self, StoreError> {
         let slash = if text.ends_with('/') { "" } else { "/" };
         let url = Url::parse(&format!("{text}{slash}")).map_err(|e| location.refuse(e))?;
+        if url.scheme() == s3::SCHEME {
+            let storage = s3::storage(&url).map_err(|reason| location.refuse(reason))?;
+            return Self::whole(storage, location);
+        }
         let scheme = Url::parse(&format!("{}://", url.scheme())).map_err(|e| location.refuse(e))?;
         let factories = object_store_factories();
         let factory = factories.get(&scheme).ok_or_else(|| {
             location.refuse(format!(
-                "storage of the kind `{}` is not built in",
+                "storage of the kind `{}` is not known, `s3://BUCKET/PREFIX` is",
                 url.scheme()
             ))
         })?;
@@ -260,11 +270,23 @@ impl Place {
         let read = async {
             match self.folder.get(&path).await {
                 Ok(found) => found.bytes().await.map(Some),
-                Err(ObjectError::NotFound { .. }) => Ok(None),
+                Err(error) if is_absent(&error) => Ok(None),
                 Err(error) => Err(error),
             }
         };
-        self.wait(async { read.await.map_err(|e| self.storage_error("read", file, e)) })
+        self.wait(async { read.await.map_err(|error| self.unread(file, error)) })
+    }
+
+    /// Opening and creating a store begin with reading a file: what is wrong with a bucket is said
+    /// there, in words, and not by the first table that happens to be touched.
+    fn unread(&self, file: &str, error: ObjectError) -> StoreError {
+        if !self.location.is_bucket() {
+            return self.storage_error("read", file, error);
+        }
+        StoreError::Unreachable {
+            location: self.to_string(),
+            reason: s3::in_words(&error),
+        }
     }
 
     /// Writes a file whole, in one step; readers of an older file with this name are not disturbed.
@@ -282,6 +304,26 @@ impl Place {
                 location: self.to_string(),
             }),
             other => other,
+        }
+    }
+
+    /// Refuses a bucket in which a file that is there can be created once more: two writers would
+    /// both make the same version, and the first one's would be gone. `file` is one that is there.
+    pub(crate) fn refuse_lost_commits(&self, file: &str) -> Result<(), StoreError> {
+        if !self.location.is_bucket() {
+            return Ok(());
+        }
+        let bytes = self.read_file(file)?.unwrap_or_default();
+        match self.create_file(file, bytes) {
+            Err(StoreError::Exists { .. }) => Ok(()),
+            Err(error) => Err(error),
+            Ok(()) => {
+                self.delete([file.to_owned()])?;
+                Err(self.location.refuse(
+                    "this storage does not heed `If-None-Match: *`, so that two writers could \
+                     undo each other's commits unseen",
+                ))
+            }
         }
     }
 
@@ -357,6 +399,11 @@ impl From<object_store::ObjectMeta> for StoredFile {
             size_bytes: found.size,
         }
     }
+}
+
+/// A file that is not there, in a bucket that is.
+fn is_absent(error: &ObjectError) -> bool {
+    matches!(error, ObjectError::NotFound { .. }) && !s3::lacks_bucket(error)
 }
 
 fn runtime() -> Result<Runtime, StoreError> {

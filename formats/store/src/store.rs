@@ -51,6 +51,7 @@ impl Store {
         create_tables(&place)?;
         // Last, because it makes the folder a store.
         properties::create(&place, properties)?;
+        place.refuse_lost_commits(properties::FILE)?;
         Self::open_at(place)
     }
 

@@ -19,7 +19,7 @@ use crate::error::CityError;
 
 pub use detector::{Areas, Clutter, DetectorNoise, Lateral, Miss, Reading, Traffic, View};
 pub use section::{Drift, Profile};
-pub use vehicle::{ClockNoise, GnssNoise, ImuNoise, MountingNoise, WheelNoise};
+pub use vehicle::{CameraNoise, ClockNoise, GnssNoise, ImuNoise, MountingNoise, WheelNoise};
 
 /// The presets: their names and files.
 const PRESETS: [(&str, &str); 6] = [
@@ -41,6 +41,8 @@ pub struct Noise {
     pub imu: ImuNoise,
     /// The wheels' speed.
     pub wheel: WheelNoise,
+    /// The camera, where pictures are taken.
+    pub camera: CameraNoise,
     /// The camera's mounting.
     pub mounting: MountingNoise,
     /// The camera's clock.
@@ -173,6 +175,7 @@ fn noise(name: &str, table: Table) -> Result<Noise, CityError> {
         .check("gnss")
         .and_then(|()| noise.imu.check("imu"))
         .and_then(|()| noise.wheel.check("wheel"))
+        .and_then(|()| noise.camera.check("camera"))
         .and_then(|()| noise.mounting.check("mounting"))
         .and_then(|()| noise.clock.check("clock"))
         .and_then(|()| noise.detector.check("detector"));

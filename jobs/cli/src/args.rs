@@ -160,7 +160,7 @@ pub(crate) enum Command {
     Simulate(Simulation),
     /// Creates a store from a base map.
     Init {
-        /// Folder of the new store.
+        /// Folder of the new store, or `s3://BUCKET/PREFIX`, here and wherever a store is asked for.
         store: PathBuf,
         /// Map files (Lanelet2 .osm, OpenDRIVE .xodr, Argoverse 2 .json).
         #[arg(long, required = true, num_args = 1..)]
@@ -251,6 +251,12 @@ pub(crate) enum Command {
         /// Only tells what would be removed.
         #[arg(long)]
         dry_run: bool,
+    },
+    /// Says what a file is, by its content - a log, a map, a model or a store -, what is in it, what is
+    /// damaged, and what mends that. Everything that a job would read is read.
+    Inspect {
+        /// The file, or the folder or URL of a store or of a divided map.
+        file: PathBuf,
     },
     /// Lists the versions of a store.
     Log {

@@ -22,7 +22,7 @@ use crate::args::{Args, Command, Runtime};
 use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
-    calibration, compare, demo, detect, evaluation, explanation, export, progress, rebase,
+    calibration, compare, demo, detect, evaluation, explanation, export, inspect, progress, rebase,
     reference, regions, retract, simulate, table, vacuum,
 };
 
@@ -88,6 +88,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             grace_hours,
             dry_run,
         } => vacuum::vacuum_store(args, store, (*retain_days, *grace_hours), *dry_run),
+        Command::Inspect { file } => inspect::look_into(args, file),
         Command::Log { store } => log(args, store),
         Command::Show { store, version } => show(args, store, *version),
         Command::Regions {
@@ -248,7 +249,8 @@ fn log(args: &Args, store: &Path) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn utc(timestamp_ms: i64) -> String {
+/// A time as a person reads it.
+pub(crate) fn utc(timestamp_ms: i64) -> String {
     chrono::DateTime::from_timestamp_millis(timestamp_ms).map_or_else(String::new, |time| {
         time.format("%Y-%m-%d %H:%M:%S").to_string()
     })

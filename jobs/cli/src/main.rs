@@ -10,6 +10,7 @@ mod detect;
 mod evaluation;
 mod explanation;
 mod export;
+mod inspect;
 mod progress;
 mod rebase;
 mod reference;

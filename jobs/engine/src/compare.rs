@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde::Serialize;
-use tilefold_formats::map::{self, MapFormat};
+use tilefold_formats::map::{self, LocalFrames, MapFormat};
 use tilefold_formats::map_compare::{Class, Comparable, Difference, How};
 use tilefold_formats::map_patch::OsmText;
 use tilefold_schemas::{ChangeRecord, LayerHeader, SetAside, TileId, Verdict};
@@ -80,7 +80,8 @@ fn read(path: &Path) -> Result<(map::MapFile, Option<OsmText>), EngineError> {
         file: name.clone(),
         source,
     })?;
-    Ok((read, Some(OsmText::read(bytes, &name)?)))
+    let text = OsmText::read(bytes, &name)?;
+    Ok((read, Some(text.located(&mut LocalFrames::beside(path)))))
 }
 
 fn moved_m(difference: &Difference) -> Option<f64> {

@@ -10,6 +10,12 @@ pub enum EngineError {
     /// The base map could not be read.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// A log could not be read.
+    #[error(transparent)]
+    Log(#[from] tilefold_formats::log::LogError),
+    /// A model could not be read.
+    #[error(transparent)]
+    Model(#[from] tilefold_formats::model::ModelError),
     /// The store refused.
     #[error(transparent)]
     Store(#[from] StoreError),

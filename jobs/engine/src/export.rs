@@ -8,7 +8,7 @@ use tilefold_formats::export::{
     ExportError, Scene, write_flatgeobuf, write_geoparquet, write_pmtiles, write_scene,
 };
 use tilefold_formats::geojson::write_changes;
-use tilefold_formats::map::MapError;
+use tilefold_formats::map::{LocalFrames, MapError};
 use tilefold_formats::map_patch::{NewIds, OsmText, Patch};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{ChangeRecord, SetAside, SetAsideKind, Verdict, wkb};
@@ -128,7 +128,8 @@ pub fn write_amended(
         file: name.clone(),
         source,
     };
-    let text = OsmText::read(std::fs::read(map).map_err(unread)?, &name)?;
+    let text = OsmText::read(std::fs::read(map).map_err(unread)?, &name)?
+        .located(&mut LocalFrames::beside(map));
     let ids = match form {
         Amendment::Lanelet2 => NewIds::Positive,
         Amendment::Osc => NewIds::Negative,

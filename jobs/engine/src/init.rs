@@ -13,6 +13,7 @@ use crate::error::EngineError;
 use crate::meter::Meter;
 use crate::progress::Silent;
 use crate::reduce_job::{Reduce, owners};
+use crate::scope::Change;
 
 /// How a store is made.
 #[derive(Debug, Clone)]
@@ -75,7 +76,7 @@ pub fn init(
         meter: &Meter::default(),
         progress: &Silent,
     };
-    let layers = nothing.layers(&tiles, |_| Ok(Ledger::default()))?;
+    let layers = nothing.layers(&Change::all(tiles.clone()), |_| Ok(Ledger::default()))?;
 
     let store = create(location, properties)?;
     let mut transaction = store.begin()?;

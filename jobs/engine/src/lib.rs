@@ -15,6 +15,7 @@ pub mod evaluate;
 pub mod explain;
 pub mod export;
 pub mod init;
+pub mod inspect;
 pub mod logs;
 pub mod map_job;
 pub mod meter;
@@ -27,6 +28,7 @@ pub mod reduce_job;
 pub mod retract;
 pub mod run;
 mod same_place;
+pub mod scope;
 mod succession;
 mod update;
 

@@ -1,23 +1,18 @@
-//! The reduce stage of a job: tiles on rayon, in key order; then what crosses their borders.
+//! The reduce stage of a job: what a change has an effect on is judged again, and put under headers.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rayon::prelude::*;
-use tilefold_reducers::moved::{self, Gone};
-use tilefold_reducers::{Fold, TileInput, area_candidates, candidates, reduce_tile, stale};
+use tilefold_reducers::{Fold, stale};
 use tilefold_schemas::{
-    ChangeRecord, ElementKind, EvidenceRow, Footprint, LayerHeader, Ledger, Sighting, TileId,
-    Verdict, wkb,
+    ChangeRecord, EvidenceRow, Footprint, LayerHeader, Ledger, Sighting, TileId, Verdict,
 };
 use tilefold_store::digest_rows;
-use tilefold_tiler::map_index::{MapIndex, MappedElement, bounds};
+use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
 use crate::error::EngineError;
 use crate::meter::{Meter, Stage};
 use crate::progress::Progress;
-
-/// New paint lies at most this far beside a line that was moved, in degrees (about 4 m).
-const BESIDE_DEG: f64 = 4e-5;
+use crate::scope::{Change, Refolded, Scope};
 
 /// A tile's change records under their header.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,124 +43,35 @@ pub struct Reduce<'a> {
 }
 
 impl Reduce<'_> {
-    /// The layers of `tiles`, and of all others on which a sighting can have an effect; `rows_of`
-    /// gives the ledger rows of tiles.
+    /// The layers that a change has an effect on; `rows_of` gives the ledger rows of tiles.
     ///
     /// # Errors
     /// Rows cannot be read, or not be encoded for their digest.
     pub fn layers(
         &self,
-        tiles: &BTreeSet<TileId>,
-        mut rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
+        change: &Change,
+        rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
     ) -> Result<Vec<Layer>, EngineError> {
-        let mut tiles: BTreeSet<TileId> = tiles
-            .union(&self.tiles_beside(self.sightings))
-            .copied()
-            .collect();
-        self.progress.begin(Stage::Reduce, tiles.len() as u64);
-        let mut rows = self.by_tile(rows_of(&tiles)?);
-        let mut records = self.elements(&tiles, &rows);
-        let mut additions = self
-            .meter
-            .time(Stage::Reduce, || self.additions(&Gone::of(&records)));
-        moved::link(&mut records, &mut additions);
-        let owners = additions.iter().map(|record| TileId(record.tile));
-        let others: BTreeSet<TileId> = owners.filter(|tile| !tiles.contains(tile)).collect();
-        let rows_of_others = self.by_tile(rows_of(&others)?);
-        records.extend(self.elements(&others, &rows_of_others));
-        records.extend(additions);
-        rows.extend(rows_of_others);
-        tiles.extend(others);
-        let layers = self.under_headers(&tiles, records, rows);
+        self.progress
+            .begin(Stage::Reduce, change.tiles.len() as u64);
+        let refolded = Scope::new(self, rows_of).refold(change)?;
+        let count = refolded.tiles.len() as u64;
+        self.meter.count(Stage::Reduce, count, 0);
+        self.progress.advance(Stage::Reduce, count, 0);
+        let layers = self.under_headers(refolded);
         self.progress.end(Stage::Reduce);
         layers
     }
 
-    /// Rows that count, by tile.
-    fn by_tile(&self, ledger: Ledger<EvidenceRow>) -> BTreeMap<TileId, Vec<EvidenceRow>> {
-        let mut by_tile: BTreeMap<TileId, Vec<EvidenceRow>> = BTreeMap::new();
-        let rows = ledger.into_rows().into_iter();
-        for row in rows.filter(|row| self.fold.counts(row.first_ns)) {
-            by_tile.entry(TileId(row.tile)).or_default().push(row);
-        }
-        by_tile
-    }
-
-    /// Owners of the lines that lie beside a sighting: what is new there may be such a line, moved.
-    pub(crate) fn tiles_beside(&self, sightings: &[Sighting]) -> BTreeSet<TileId> {
-        let lines = sightings
-            .iter()
-            .filter(|sighting| sighting.kind == ElementKind::LaneMarking.code());
-        let mut tiles = BTreeSet::new();
-        for geometry in lines.filter_map(|sighting| wkb::read(&sighting.geometry).ok()) {
-            let (low, high) = bounds(&geometry.points);
-            let around = self.map.within(
-                low.map(|value| value - BESIDE_DEG),
-                high.map(|value| value + BESIDE_DEG),
-            );
-            tiles.extend(around.into_iter().map(|mapped| mapped.tile));
-        }
-        tiles
-    }
-
-    /// Change records of the tiles' elements, by tile.
-    fn elements(
-        &self,
-        tiles: &BTreeSet<TileId>,
-        rows: &BTreeMap<TileId, Vec<EvidenceRow>>,
-    ) -> Vec<ChangeRecord> {
-        let mut inputs: BTreeMap<TileId, TileInput<'_>> = tiles
-            .iter()
-            .map(|&tile| (tile, TileInput::default()))
-            .collect();
-        for element in self.map.elements() {
-            if let Some(input) = inputs.get_mut(&element.tile) {
-                input.elements.push(element);
-            }
-        }
-        for (tile, rows) in rows {
-            if let Some(input) = inputs.get_mut(tile) {
-                input.rows = rows.iter().collect();
-            }
-        }
-        let reduced = inputs.into_par_iter().map(|(_, input)| {
-            let records = self
-                .meter
-                .time(Stage::Reduce, || reduce_tile(&input, self.fold));
-            self.meter.count(Stage::Reduce, 1, 0);
-            self.progress.advance(Stage::Reduce, 1, 0);
-            records
-        });
-        reduced.collect::<Vec<_>>().into_iter().flatten().collect()
-    }
-
-    /// All additions in the evidence, judged where they lie, whatever tiles they cross.
-    fn additions(&self, gone: &Gone) -> Vec<ChangeRecord> {
-        let (map, level, fold) = (self.map, self.tile_level, self.fold);
-        let seen = self
-            .sightings
-            .iter()
-            .filter(|seen| fold.counts(seen.first_ns));
-        let looks = self
-            .footprints
-            .iter()
-            .filter(|look| fold.counts(look.stamp_ns));
-        let (seen, looks): (Vec<_>, Vec<_>) = (seen.cloned().collect(), looks.cloned().collect());
-        let mut additions = candidates::judge(&seen, &looks, map, gone, level, fold);
-        additions.extend(area_candidates::judge(&seen, &looks, map, level, fold));
-        additions
-    }
-
-    fn under_headers(
-        &self,
-        tiles: &BTreeSet<TileId>,
-        records: Vec<ChangeRecord>,
-        mut rows: BTreeMap<TileId, Vec<EvidenceRow>>,
-    ) -> Result<Vec<Layer>, EngineError> {
+    fn under_headers(&self, refolded: Refolded) -> Result<Vec<Layer>, EngineError> {
+        let mut rows = refolded.rows;
+        let tiles = refolded.tiles.into_iter();
         let mut by_tile: BTreeMap<TileId, Vec<ChangeRecord>> =
-            tiles.iter().map(|&tile| (tile, Vec::new())).collect();
-        for record in records {
-            by_tile.entry(TileId(record.tile)).or_default().push(record);
+            tiles.map(|tile| (tile, Vec::new())).collect();
+        for record in refolded.records {
+            if let Some(records) = by_tile.get_mut(&TileId(record.tile)) {
+                records.push(record);
+            }
         }
         let layer = |(tile, mut records): (TileId, Vec<ChangeRecord>)| {
             let rows = rows.remove(&tile).unwrap_or_default();

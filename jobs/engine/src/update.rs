@@ -16,6 +16,7 @@ use crate::map_job::Mapped;
 use crate::meter::{Meter, Stage};
 use crate::progress::Progress;
 use crate::reduce_job::{Layer, Reduce};
+use crate::scope::Change;
 
 /// Parameter of a commit: the time that it is as of.
 pub(crate) const AS_OF: &str = "as_of_ns";
@@ -129,6 +130,15 @@ impl Update<'_> {
             chunks.iter().chain(&replaced).flat_map(tiles_of).collect();
         touched.extend(revision.also);
 
+        let is_all = revision.rekey.is_some() || self.changes_model(transaction.base(), &headers);
+        let mut change = Change {
+            tiles: touched.clone(),
+            is_all,
+            ..Change::default()
+        };
+        change.layers(&headers);
+        change.sightings(&sightings);
+        change.footprints(&footprints);
         self.progress.begin(Stage::Exchange, 3);
         let exchange = Exchange {
             touched: &touched,
@@ -144,7 +154,9 @@ impl Update<'_> {
         self.progress.end(Stage::Exchange);
         let base = transaction.base().clone();
         let (sightings, vanished) = self.all(&base, &leaving, sightings)?;
-        let (footprints, _) = self.all(&base, &leaving, footprints)?;
+        let (footprints, overlooked) = self.all(&base, &leaving, footprints)?;
+        change.sightings(&vanished);
+        change.footprints(&overlooked);
         chunks.extend(kept);
         let tiles_of_chunks: BTreeSet<TileId> = chunks.iter().flat_map(tiles_of).collect();
         transaction.overwrite(chunks)?;
@@ -158,9 +170,7 @@ impl Update<'_> {
             meter: self.meter,
             progress: self.progress,
         };
-        let mut tiles = self.dirty_tiles(&base, &headers, &touched);
-        tiles.extend(reduce.tiles_beside(&vanished));
-        let layers = reduce.layers(&tiles, |tiles| self.rows_of(&base, tiles, &touched, &rows))?;
+        let layers = reduce.layers(&change, |tiles| self.rows_of(&base, tiles, &touched, &rows))?;
         let layers = changed(headers, layers, &tiles_of_chunks);
         let count = layers.len();
         let mut parameters = self.parameters();
@@ -238,21 +248,6 @@ impl Update<'_> {
             .partition(|row| leaving.contains(&row.chunk()));
         let all = Ledger::of(stays).merge(Ledger::of(rows));
         Ok((all.into_rows(), vanished))
-    }
-
-    /// Tiles with new evidence, with additions, or with another model's layer.
-    fn dirty_tiles(
-        &self,
-        base: &Snapshot,
-        headers: &[LayerHeader],
-        touched: &BTreeSet<TileId>,
-    ) -> BTreeSet<TileId> {
-        let is_as_of_other_time = self.is_as_of_other_time(base);
-        let others = headers
-            .iter()
-            .filter(|header| header.added > 0 || is_as_of_other_time || self.is_other_model(header))
-            .map(|header| TileId(header.tile));
-        touched.iter().copied().chain(others).collect()
     }
 
     /// Ledger rows of tiles: those at hand of touched ones, and the store's of others.

@@ -1,5 +1,5 @@
-//! From the coordinates of an OpenDRIVE file to WGS 84: its `geoReference` (a PROJ string) and the
-//! `offset` of its header.
+//! From the coordinates of an OpenDRIVE file to WGS 84: its `geoReference` (a PROJ string, or an EPSG
+//! code alone or at the end of WKT) and the `offset` of its header.
 
 use proj4rs::Proj;
 use proj4rs::transform::transform;
@@ -73,14 +73,46 @@ fn projection(text: &str) -> Result<Proj, String> {
     let text = text.trim();
     let wrong = |why: String| {
         format!(
-            "the geoReference {:?} is no PROJ string that is read ({why}); write one such as \
-             \"+proj=utm +zone=32 +datum=WGS84\"",
+            "the geoReference {:?} is no PROJ string or UTM code that is read ({why}); write one such \
+             as \"+proj=utm +zone=32 +datum=WGS84\" or \"EPSG:32632\"",
             shown(text)
         )
     };
-    let projection = Proj::from_proj_string(text).map_err(|error| wrong(error.to_string()))?;
+    let definition = match epsg(text) {
+        Some(code) => utm(code).ok_or_else(|| wrong(format!("EPSG:{code} is no UTM zone")))?,
+        None => text.to_owned(),
+    };
+    let projection =
+        Proj::from_proj_string(&definition).map_err(|error| wrong(error.to_string()))?;
     match projection.is_latlong() || projection.is_geocent() {
         true => Err(wrong("it has no metres on a plane".to_owned())),
         false => Ok(projection),
     }
+}
+
+/// The code of `EPSG:25832`, of `urn:ogc:def:crs:EPSG::25832`, or of WKT: the last one there is that of
+/// the whole, because the parts of it come first.
+fn epsg(text: &str) -> Option<u32> {
+    if text.starts_with('+') {
+        return None;
+    }
+    let (_, code) = text.rsplit_once("EPSG")?;
+    let code = code.trim_start_matches(['"', ',', ':', ' ']);
+    let digits = code
+        .find(|c: char| !c.is_ascii_digit())
+        .unwrap_or(code.len());
+    code[..digits].parse().ok()
+}
+
+/// UTM on WGS 84 or ETRS89, which differ by less than a metre and by nothing within a map.
+fn utm(code: u32) -> Option<String> {
+    let (zone, south, ellipsoid) = match code {
+        32_601..=32_660 => (code - 32_600, "", "+datum=WGS84"),
+        32_701..=32_760 => (code - 32_700, " +south", "+datum=WGS84"),
+        25_828..=25_838 => (code - 25_800, "", "+ellps=GRS80 +towgs84=0,0,0"),
+        _ => return None,
+    };
+    Some(format!(
+        "+proj=utm +zone={zone}{south} {ellipsoid} +units=m"
+    ))
 }

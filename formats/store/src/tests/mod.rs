@@ -1,5 +1,6 @@
 //! Tests of the store as its callers see it, and of what is done to it.
 
+mod buckets;
 mod chaos;
 mod damage;
 mod faulty;

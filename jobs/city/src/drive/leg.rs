@@ -26,8 +26,7 @@ use crate::traffic::Traffic;
 
 /// Where odometry begins; drifts (REP 105).
 const ODOMETRY_FRAME: &str = "odom";
-/// Pictures per second, and how many there are for each message about the camera.
-const PICTURES_HZ: f64 = 5.0;
+/// Pictures for each message about the camera.
 const CALIBRATION_EVERY: usize = 5;
 
 /// When a sensor speaks, in nanoseconds: from its phase on, every period, recorded after its
@@ -145,7 +144,7 @@ impl<'a> Leg<'a> {
 
     /// Pictures to be taken, and what is said of the camera.
     fn camera(&self) -> Sensor<'_> {
-        let clock = Clock::new(PICTURES_HZ, Clock::CAMERA_PHASE_NS, 45 * MS);
+        let clock = Clock::new(self.noise.camera.rate_hz, Clock::CAMERA_PHASE_NS, 45 * MS);
         let late_s = clock_offset_s(&self.noise.clock, &mut self.drive.random("clock"));
         let of_camera =
             move |topic, stamp_ns, said| record(topic, CAMERA_FRAME, stamp_ns, clock, said);

@@ -84,6 +84,14 @@ section! {
 }
 
 section! {
+    /// The camera of the camera profile.
+    CameraNoise {
+        /// Pictures per second.
+        rate_hz: f64 = 0.01 to 100.0,
+    }
+}
+
+section! {
     /// How a camera is really mounted, against what its calibration says; and the body on its
     /// springs.
     MountingNoise {

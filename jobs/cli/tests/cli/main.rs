@@ -2,9 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
 
+mod buckets;
 mod commands;
 mod damage;
 mod errors;
 mod explain;
 mod exports;
+mod golden;
+mod inspect;
 mod support;

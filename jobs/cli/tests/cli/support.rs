@@ -41,8 +41,17 @@ impl Said {
 
 /// Runs the program; no terminal, no settings from outside.
 pub(crate) fn tilefold<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Said {
+    tilefold_in([], arguments)
+}
+
+/// Runs the program with these variables in its environment.
+pub(crate) fn tilefold_in<'a, A: AsRef<OsStr>>(
+    variables: impl IntoIterator<Item = (&'a str, &'a str)>,
+    arguments: impl IntoIterator<Item = A>,
+) -> Said {
     let output = Command::new(env!("CARGO_BIN_EXE_tilefold"))
         .args(arguments)
+        .envs(variables)
         .env_remove("TILEFOLD_THREADS")
         .env_remove("TILEFOLD_VEHICLE_SALT")
         .stdin(Stdio::null())

@@ -17,6 +17,7 @@ use crate::meter::Meter;
 use crate::progress::Silent;
 use crate::reduce_job::{Reduce, owners};
 use crate::run::read_elements;
+use crate::scope::Change;
 
 /// A version's layers, and the evidence that they were made from.
 #[derive(Debug)]
@@ -81,7 +82,7 @@ impl Refold {
             progress: &Silent,
         };
         let rows_of = |tiles: &BTreeSet<TileId>| Ok(self.ledger.clone().within(tiles));
-        let layers = reduce.layers(&owners(self.map.elements()), rows_of)?;
+        let layers = reduce.layers(&Change::all(owners(self.map.elements())), rows_of)?;
         Ok(layers.into_iter().flat_map(|layer| layer.records).collect())
     }
 
