@@ -21,7 +21,7 @@ use command::{Failure, workspace_root};
 const HELP: &str = "\
 cargo xtask WORD [ARGUMENT...]
 
-  setup           fetches ONNX Runtime into .ort/ (demo and test do so themselves)
+  setup           fetches ONNX Runtime into .ort/ (`test` does so itself)
   demo [ARG...]   builds `tilefold` for release and runs `tilefold demo ARG...`
   test [ARG...]   runs every test of the workspace, then the examples in its documentation;
                   ARG... goes to the test runner (a name to filter by, for instance)
