@@ -74,7 +74,7 @@ def held_back_loss(network, pictures, count=96):
 
 def learning_rate(done, peak=2e-3):
     """A short rise, then a cosine to nothing; `done` from 0 to 1."""
-    return peak * min(done / 0.03 + 0.02, 1.0) * (0.5 + 0.5 * np.cos(np.pi * min(done, 1.0)) + 0.005)
+    return float(peak * min(done / 0.03 + 0.02, 1.0) * (0.5 + 0.5 * np.cos(np.pi * min(done, 1.0)) + 0.005))
 
 
 def main():
@@ -104,7 +104,7 @@ def main():
     step = 0
     last = given.out / "last.pt"
     if last.exists():
-        kept = torch.load(last, weights_only=True)
+        kept = torch.load(last, weights_only=False)
         network.load_state_dict(kept["network"])
         optimizer.load_state_dict(kept["optimizer"])
         step = kept["step"]
