@@ -6,7 +6,8 @@
 //! comes before everything else. A lag is right if the lines that were seen fit the map along the
 //! trajectory it implies: lane changes, curves and lanes that begin and end tell it. All lags on a
 //! grid are weighed by the likelihood of the registration chain; no lag is the likeliest before
-//! anything was seen.
+//! anything was seen. A lag at an end of the grid is not taken: what fits ever better up to there is
+//! no peak, and the doubt that it leaves shows in the confidence.
 
 use crate::cuts::{cut_map, cut_seen};
 use crate::drift::Receivers;
@@ -35,6 +36,9 @@ const PEAK_CELLS: i64 = 5;
 /// explain the whole drive, so its evidence counts for more.
 const LAG_WEIGHT: f64 = 2.0;
 
+/// Odds against the chosen lag beyond this are no more said, in nats: they overflow.
+const MAX_ODDS_NATS: f64 = 300.0;
+
 /// Log-prior of a lag in cells, in nats.
 fn prior_nats(lag: i64) -> f64 {
     let others = (MAX_LAG_CELLS - MIN_LAG_CELLS) as f64;
@@ -44,6 +48,10 @@ fn prior_nats(lag: i64) -> f64 {
         (1.0 - NO_LAG_PRIOR) / others
     };
     density.ln()
+}
+
+fn is_end(lag: i64) -> bool {
+    lag == MIN_LAG_CELLS || lag == MAX_LAG_CELLS
 }
 
 /// Lags in cells with the log-likelihood of the frames under each, in nats.
@@ -78,7 +86,8 @@ pub fn estimate(frames: &[SeenFrame], trajectory: &Trajectory, map: &LocalMap<'_
     let best = |scores: &[(i64, f64)]| {
         let better =
             |a: &(i64, f64), b: &(i64, f64)| a.1.total_cmp(&b.1).then(b.0.abs().cmp(&a.0.abs()));
-        scores.iter().copied().max_by(better).unwrap_or((0, 0.0))
+        let peaks = scores.iter().copied().filter(|(lag, _)| !is_end(*lag));
+        peaks.max_by(better).unwrap_or((0, 0.0))
     };
     let (around, _) = best(&coarse);
     let reach = COARSE_CELLS as i64 - 1;
@@ -92,7 +101,8 @@ pub fn estimate(frames: &[SeenFrame], trajectory: &Trajectory, map: &LocalMap<'_
         let of = coarse
             .iter()
             .filter(|(other, _)| ((other - lag).abs() <= PEAK_CELLS) == near);
-        of.map(|(_, score)| (score - top).exp()).sum()
+        of.map(|(_, score)| (score - top).min(MAX_ODDS_NATS).exp())
+            .sum()
     };
     let (inside, outside) = (mass(true).max(1.0), mass(false));
     ClockOffset {
