@@ -2,7 +2,7 @@
 //! pass that looked there.
 //!
 //! Sightings that touch form a component ([`crate::groups`]); each is worked on in its own plane, so nothing depends
-//! on tile borders. Within a component lines are followed ([`crate::follow`]). Ties are broken by time,
+//! on tile borders. Within a component lines are followed (`crate::follow`). Ties are broken by time,
 //! vehicle and track, never by order of arrival.
 
 use std::collections::{BTreeMap, BTreeSet};
