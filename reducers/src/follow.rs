@@ -238,14 +238,12 @@ impl Followed {
     /// Whether the line has been at this place before, on the same way: sightings are not used up
     /// while they are followed, and a roundabout would be followed for ever.
     fn meets(&self, at: [f64; 2], along: [f64; 2]) -> bool {
-        let earlier = self.nodes.len().saturating_sub(RING_NODES);
-        self.nodes[..self.nodes.len().min(earlier + 1)]
-            .windows(2)
-            .any(|pair| {
-                let way = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
-                let off = [at[0] - pair[0][0], at[1] - pair[0][1]];
-                off[0].hypot(off[1]) <= STEP_M && way[0] * along[0] + way[1] * along[1] > 0.0
-            })
+        let earlier = self.nodes.len().saturating_sub(RING_NODES - 1);
+        self.nodes[..earlier].windows(2).any(|pair| {
+            let way = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
+            let off = [at[0] - pair[0][0], at[1] - pair[0][1]];
+            off[0].hypot(off[1]) <= STEP_M && way[0] * along[0] + way[1] * along[1] > 0.0
+        })
     }
 
     /// Whether its end meets its begin.

@@ -6,7 +6,7 @@ Rendered pictures are too clean and too alike; what differs here is what must no
 import cv2
 import numpy as np
 
-from pictures import BOXES, MARKINGS, UNKNOWN, Box, Line
+from pictures import BOXES, MARKINGS, Box, Line
 
 MIRRORED_MARKING = {
     MARKINGS.index("solid_dashed"): MARKINGS.index("dashed_solid"),

@@ -104,7 +104,7 @@ def box_targets(boxes, inside, grid):
         heat[box.kind] = np.maximum(heat[box.kind], blob)
         heat[box.kind, row, column] = 1.0
         weight[box.kind, row, column] = 1.0
-        here = blob > max(0.3, 0.0)
+        here = blob > 0.3
         here[row, column] = True
         sides[:, here] = np.stack([xs - left, ys - top, right - xs, bottom - ys])[:, here]
         near[here] = blob[here] / blob[here].sum()

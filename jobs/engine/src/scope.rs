@@ -346,33 +346,28 @@ where
     }
 
     fn new_lines(&self, numbers: &BTreeSet<usize>) -> Vec<ChangeRecord> {
-        let Reduce {
-            map,
-            tile_level,
-            fold,
-            meter,
-            ..
-        } = *self.reduce;
+        let reduce = self.reduce;
         let seen = clones(&self.lines, numbers);
         let looks = self.looks_around(&self.lines, numbers);
         let gone = Gone::of(self.records.values().flatten());
-        meter.time(Stage::Reduce, || {
-            candidates::judge(&seen, &looks, map, &gone, tile_level, fold)
+        reduce.meter.time(Stage::Reduce, || {
+            candidates::judge(
+                &seen,
+                &looks,
+                reduce.map,
+                &gone,
+                reduce.tile_level,
+                reduce.fold,
+            )
         })
     }
 
     fn new_areas(&self, numbers: &BTreeSet<usize>) -> Vec<ChangeRecord> {
-        let Reduce {
-            map,
-            tile_level,
-            fold,
-            meter,
-            ..
-        } = *self.reduce;
+        let reduce = self.reduce;
         let seen = clones(&self.areas, numbers);
         let looks = self.looks_around(&self.areas, numbers);
-        meter.time(Stage::Reduce, || {
-            area_candidates::judge(&seen, &looks, map, tile_level, fold)
+        reduce.meter.time(Stage::Reduce, || {
+            area_candidates::judge(&seen, &looks, reduce.map, reduce.tile_level, reduce.fold)
         })
     }
 
