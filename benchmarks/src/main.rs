@@ -57,13 +57,13 @@ enum Command {
         #[arg(long, default_values_t = [401, 402])]
         seed: Vec<u64>,
         /// Drives through each city, each by a vehicle of its own.
-        #[arg(long, default_value_t = 16)]
+        #[arg(long, default_value_t = 14)]
         drives: u32,
         /// Length of a drive in kilometres.
-        #[arg(long, default_value_t = 1.5)]
+        #[arg(long, default_value_t = 1.2)]
         drive_km: f64,
         /// How sensors err: a preset of the simulator, or a file.
-        #[arg(long, default_value = "benchmarks/camera.toml")]
+        #[arg(long, default_value = "cameras")]
         noise: String,
         /// Folder of the raw results.
         #[arg(long, default_value_os_t = perception::default_out())]
