@@ -31,6 +31,7 @@ mod same_place;
 pub mod scope;
 mod succession;
 mod update;
+pub mod verify;
 
 pub use accepted::Accepted;
 pub use calibrate::{Calibration, calibrate};
@@ -48,3 +49,4 @@ pub use tilefold_onnx::{Device, OnnxError};
 pub use tilefold_reducers::FusionModel;
 pub use tilefold_reducers::regions::regions;
 pub use tilefold_workers::Registering;
+pub use verify::{Verification, verify};
