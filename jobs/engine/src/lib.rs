@@ -7,6 +7,7 @@
 mod accepted;
 mod base_map;
 pub mod calibrate;
+pub mod cluster;
 pub mod compare;
 pub mod detect;
 pub mod drives;

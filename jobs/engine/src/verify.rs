@@ -88,7 +88,9 @@ fn unfit_layers(snapshot: &Snapshot) -> Result<Vec<String>, EngineError> {
         }
     }
     if let Some(tile) = by_tile.keys().next() {
-        findings.push(format!("tile {tile} has change records but no layer header"));
+        findings.push(format!(
+            "tile {tile} has change records but no layer header"
+        ));
     }
     Ok(findings)
 }

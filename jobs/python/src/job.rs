@@ -37,9 +37,7 @@ pub(crate) fn options(
     registration: bool,
     as_of_ns: Option<i64>,
 ) -> PyResult<RunOptions> {
-    let named = FusionModel::ALL
-        .into_iter()
-        .find(|one| one.name() == model);
+    let named = FusionModel::ALL.into_iter().find(|one| one.name() == model);
     let model = named.ok_or_else(|| {
         let names = FusionModel::ALL.map(FusionModel::name).join(" and ");
         TilefoldError::new_err(format!(
@@ -137,8 +135,8 @@ pub(crate) fn detect(
     threads: usize,
 ) -> PyResult<String> {
     let device = cuda.map_or(Device::Cpu, Device::Cuda);
-    let perception = Perception::open(&card, onnxruntime.as_deref(), device)
-        .map_err(|error| failed(&error))?;
+    let perception =
+        Perception::open(&card, onnxruntime.as_deref(), device).map_err(|error| failed(&error))?;
     report(py, threads, || {
         let outputs = Outputs {
             overlay: overlay.as_deref(),

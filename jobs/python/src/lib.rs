@@ -4,6 +4,7 @@
 //! C streams, reports as JSON, and an error as the exception `TilefoldError` with its whole sentence.
 //! The typed face is in `python/tilefold`, beside the runners for Ray and Spark.
 
+mod cluster;
 mod codes;
 mod failure;
 mod job;
@@ -22,6 +23,8 @@ fn _tilefold(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<store::Store>()?;
     module.add_class::<store::Snapshot>()?;
     module.add_class::<stream::Rows>()?;
+    module.add_class::<cluster::Driver>()?;
+    module.add_class::<cluster::Worker>()?;
     module.add_function(wrap_pyfunction!(codes::codes, module)?)?;
     module.add_function(wrap_pyfunction!(job::init, module)?)?;
     module.add_function(wrap_pyfunction!(job::run, module)?)?;

@@ -56,3 +56,40 @@ def detect(
     annotations: _Path | None,
     threads: int,
 ) -> str: ...
+
+_Part = tuple[bytes, bytes, bytes]
+
+class Driver:
+    ATTEMPTS: int
+    def __init__(
+        self,
+        store: _Path,
+        logs: Sequence[_Path],
+        model: str,
+        registration: bool,
+        as_of_ns: int | None,
+        detector: _Path | None,
+        onnxruntime: _Path | None,
+        tasks: int,
+        groups: int,
+    ) -> None: ...
+    def job(self) -> str: ...
+    def tasks(self) -> list[str]: ...
+    def mapped(self, manifests: Sequence[tuple[str, bytes]]) -> None: ...
+    def reductions(self) -> list[str]: ...
+    def catch_up(self) -> None: ...
+    def commit(self, reduced: Sequence[tuple[str, _Part]]) -> str: ...
+
+class Worker:
+    def __init__(
+        self,
+        job: str,
+        detector: _Path | None,
+        onnxruntime: _Path | None,
+        cuda: int | None,
+        threads: int,
+    ) -> None: ...
+    def map(self, task: str) -> tuple[tuple[str, bytes], list[_Part]]: ...
+    def reduce(
+        self, reduction: str, parts: Sequence[tuple[int, _Part]]
+    ) -> tuple[str, _Part]: ...
