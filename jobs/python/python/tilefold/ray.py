@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from typing import Any
 
@@ -52,13 +52,20 @@ def reduce_task(order: Order, reduction: str, *parts: Part) -> Reduced:
 class OnRay(Runner):
     """Carries tasks to the nodes of the cluster that this process is connected to."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        map_task: Callable[..., tuple[Any, ...]] = map_task,
+        reduce_task: Callable[..., Reduced] = reduce_task,
+    ) -> None:
+        self._map_task = map_task
+        self._reduce_task = reduce_task
         self._parts: dict[int, list[ray.ObjectRef[Part]]] = {}
 
     def map(self, order: Order, tasks: Sequence[str], groups: int) -> Iterable[Manifest]:
         order_ref = ray.put(order)
-        # Generators of one object a group: a reduce task fetches its own and no other.
-        remote = ray.remote(num_cpus=1, max_retries=RETRIES, num_returns=1 + groups)(map_task)
+        # One object a group: a reduce task fetches its own and no other.
+        objects = 1 + groups
+        remote = ray.remote(num_cpus=1, max_retries=RETRIES, num_returns=objects)(self._map_task)
         pending = []
         for task in sorted(tasks, key=_units, reverse=True):
             manifest, *parts = remote.remote(order_ref, task)
@@ -68,7 +75,7 @@ class OnRay(Runner):
 
     def reduce(self, order: Order, reductions: Sequence[str]) -> Iterable[Reduced]:
         order_ref = ray.put(order)
-        remote = ray.remote(num_cpus=1, max_retries=RETRIES)(reduce_task)
+        remote = ray.remote(num_cpus=1, max_retries=RETRIES)(self._reduce_task)
         pending = []
         for reduction in reductions:
             asked = json.loads(reduction)
