@@ -4,6 +4,7 @@ Each fault is shown to have fired: the process was alive, is dead, and tasks ran
 """
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -34,7 +35,7 @@ def cluster() -> Iterator[Cluster]:
     cluster = Cluster(initialize_head=True, head_node_args=NODE)
     for _ in range(2):
         cluster.add_node(**NODE)
-    ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
+    ray.init(address=cluster.address, log_to_driver=False, logging_level=logging.ERROR)
     cluster.wait_for_nodes()
     yield cluster
     ray.shutdown()

@@ -169,7 +169,7 @@ class Counted:
 
     def all(self, stage: str, made: Iterable[Made], total: int) -> list[Made]:
         """All of them, in the order in which they come."""
-        collected: list[T] = []
+        collected: list[Made] = []
         self._hear(stage, 0, total, self.set_aside)
         for one in made:
             losses = json.loads(one[0]).get("set_aside", [])

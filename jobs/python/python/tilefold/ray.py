@@ -8,6 +8,7 @@ the guard of `tilefold.cluster` counts what comes of it.
 from __future__ import annotations
 
 import json
+import logging
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
@@ -124,8 +125,9 @@ def run(
         The report of `tilefold.run`.
     """
     if not ray.is_initialized():
-        ray.init(address=address, log_to_driver=False, logging_level="warning")
-    cores = int(ray.cluster_resources().get("CPU", 1))
+        ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
+    resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
+    cores = int(resources.get("CPU", 1))
     return run_on(
         OnRay(),
         store,
