@@ -34,13 +34,17 @@ pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
         .args(arguments)
         .env("TILEFOLD_BIN", target.join("debug/tilefold"))
         .env("RAY_USAGE_STATS_ENABLED", "0")
-        .run("The failing test is named above; run it alone with `cargo xtask cluster-test -k NAME`")
+        .run(
+            "The failing test is named above; run it alone with `cargo xtask cluster-test -k NAME`",
+        )
 }
 
 /// The folder of programs of an environment with what `REQUIREMENTS` names, made if need be.
 fn environment(root: &Path, folder: &Path) -> Result<PathBuf, Failure> {
     let cannot = |error: std::io::Error| {
-        Failure::new(format!("{REQUIREMENTS}: {error}. Check the disk and its rights"))
+        Failure::new(format!(
+            "{REQUIREMENTS}: {error}. Check the disk and its rights"
+        ))
     };
     let wanted = fs::read(root.join(REQUIREMENTS)).map_err(cannot)?;
     let installed = folder.join("installed.txt");

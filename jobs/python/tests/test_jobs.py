@@ -1,6 +1,8 @@
 """Jobs on this machine."""
 
 import importlib.util
+import struct
+import zlib
 from pathlib import Path
 
 import pytest
@@ -52,12 +54,34 @@ def test_an_unknown_model_is_refused(city: City, local: Path) -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("onnxruntime") is None, reason="no onnxruntime here")
-def test_detect_sees_paint_in_a_picture(tmp_path: Path) -> None:
-    cards = sorted((ROOT / "workers").rglob("*.toml"))
-    card = next(one for one in cards if one.with_suffix(".onnx").is_file())
-    picture = next(iter(sorted(ROOT.rglob("tests/**/*.jpg"))), None)
-    if picture is None:
-        pytest.skip("no picture in the checkout")
-    detected = tilefold.detect(picture, card, overlay=tmp_path)
-    assert len(detected["pictures"]) == 1
-    assert detected["pictures"][0]["width_px"] > 0
+def test_detect_sees_the_line_in_a_picture(tmp_path: Path) -> None:
+    # The network of the engine's own tests, which sees what is red.
+    card = ROOT / "tests/data/red_mask/red_mask.toml"
+    width_px, height_px, line_px = 160, 96, 80
+    picture = tmp_path / "line.png"
+    rows = [bytes(ink(x - line_px) for x in range(width_px) for ink in INKS)] * height_px
+    picture.write_bytes(png(width_px, height_px, rows))
+    detected = tilefold.detect(picture, card, overlay=tmp_path / "seen")
+    assert [one["width_px"] for one in detected["pictures"]] == [width_px]
+    lines = [one["points"] for one in detected["pictures"][0]["detections"]]
+    assert len(lines) == 1
+    assert all(abs(x - line_px) < 4 for x, _ in lines[0])
+    assert len(list((tmp_path / "seen").iterdir())) == 1
+
+
+INKS = (lambda aside: 255 if abs(aside) <= 3 else 40, lambda aside: 40, lambda aside: 40)
+"""Red, green and blue of a red line on grey, by the distance from its middle."""
+
+
+def png(width: int, height: int, rows: list[bytes]) -> bytes:
+    """A PNG file of rows of RGB."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        whole = kind + content
+        return struct.pack(">I", len(content)) + whole + struct.pack(">I", zlib.crc32(whole))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    pixels = zlib.compress(b"".join(b"\0" + row for row in rows))
+    return b"".join(
+        [b"\x89PNG\r\n\x1a\n", chunk(b"IHDR", head), chunk(b"IDAT", pixels), chunk(b"IEND", b"")]
+    )
