@@ -22,17 +22,19 @@ def draw(store: str, picture: str, threshold: float = 0.85, vehicles: int = 3) -
     claims = changes[(changes.p >= threshold) & (changes.vehicles >= vehicles)]
 
     metres = elements.estimate_utm_crs()
-    axes = elements.to_crs(metres).plot(color="lightgrey", linewidth=0.6, figsize=(10, 7))
+    roads = elements.to_crs(metres)
+    west_m, south_m, _, _ = roads.total_bounds
+    axes = roads.translate(-west_m, -south_m).plot(color="silver", linewidth=0.6, figsize=(11, 7))
     for verdict, colour in COLOURS.items():
-        some = claims[claims.verdict == verdict].to_crs(metres)
-        if len(some) > 0:
-            # Areas as their outlines: a claim is a thing to look at, whatever its size.
-            label = f"{verdict} ({len(some)})"
-            some.boundary.where(some.geom_type == "Polygon", some.geometry).plot(
-                ax=axes, color=colour, linewidth=2.2, label=label
-            )
-    axes.set(xlabel="east, m", ylabel="north, m", title=f"Version {snapshot.version}")
-    axes.ticklabel_format(useOffset=False, style="plain")
+        some = claims[claims.verdict == verdict].to_crs(metres).translate(-west_m, -south_m)
+        if len(some) == 0:
+            continue
+        some.plot(ax=axes, color=colour, linewidth=2.2)
+        axes.plot([], [], color=colour, linewidth=2.2, label=f"{verdict} ({len(some)})")
+        # Signs and stop lines are too small to see: a ring around each.
+        small = some[some.length < 20]
+        axes.plot(small.centroid.x, small.centroid.y, "o", color=colour, markersize=9, fillstyle="none")
+    axes.set(xlabel="east, m", ylabel="north, m", title=f"Version {snapshot.version}: what is claimed")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes.figure.savefig(picture, dpi=110, bbox_inches="tight")
 # ANCHOR_END: draw

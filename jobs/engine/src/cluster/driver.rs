@@ -109,7 +109,7 @@ impl Driver {
     /// # Errors
     /// A task or a chunk is lacking, or came twice.
     pub fn mapped(&mut self, manifests: Vec<Manifest>) -> Result<(), EngineError> {
-        let checked = guard::manifests(&self.tasks, manifests)?;
+        let checked = guard::manifests(&self.tasks, self.job.groups, manifests)?;
         for (manifest, rows) in checked {
             self.meter.add(&manifest.counts);
             self.manifests.push(manifest);
@@ -123,23 +123,13 @@ impl Driver {
     /// # Errors
     /// The store is damaged.
     pub fn reductions(&mut self) -> Result<&[Reduction], EngineError> {
-        let headers: Vec<LayerHeader> = self.base.read(TileFilter::All)?;
-        let fold = self.fold()?;
-        let is_all = self
-            .update(&fold, &Silent)
-            .changes_model(&self.base, &headers);
         let ids: BTreeSet<ChunkId> = self.mapped.iter().map(ChunkRow::chunk).collect();
         let replaced = self.known.iter().filter(|row| ids.contains(&row.chunk()));
         let replaced: Vec<&ChunkRow> = replaced.collect();
         let all = self.mapped.iter().chain(replaced.iter().copied());
         let touched: BTreeSet<TileId> = all.flat_map(tiles_of).collect();
-        let mut judged = touched.clone();
-        if is_all {
-            judged.extend(self.map.elements().iter().map(|mapped| mapped.tile));
-            judged.extend(headers.iter().map(|header| TileId(header.tile)));
-        }
         let mut groups: BTreeMap<u32, Reduction> = BTreeMap::new();
-        for tile in judged {
+        for tile in self.judged(&touched)? {
             let group = group_of(tile, self.job.groups);
             let reduction = groups.entry(group).or_insert_with(|| self.empty(group));
             reduction.judged.insert(tile.0);
@@ -157,6 +147,19 @@ impl Driver {
         }
         self.asked = groups.into_values().collect();
         Ok(&self.asked)
+    }
+
+    /// The tiles that are judged: those whose rows change; all of them for another model or time.
+    fn judged(&self, touched: &BTreeSet<TileId>) -> Result<BTreeSet<TileId>, EngineError> {
+        let headers: Vec<LayerHeader> = self.base.read(TileFilter::All)?;
+        let fold = self.fold()?;
+        let update = self.update(&fold, &Silent);
+        let mut judged = touched.clone();
+        if update.changes_model(&self.base, &headers) {
+            judged.extend(self.map.elements().iter().map(|mapped| mapped.tile));
+            judged.extend(headers.iter().map(|header| TileId(header.tile)));
+        }
+        Ok(judged)
     }
 
     /// After a conflict: the latest version is what the reduce tasks and the commit are based on.
@@ -208,7 +211,8 @@ impl Driver {
 
     /// The reduction of a group without tiles yet.
     fn empty(&self, group: u32) -> Reduction {
-        let has_part = |one: &&Manifest| one.rows[group as usize] != [0; 3];
+        let rows = |one: &Manifest| one.rows.get(group as usize).copied().unwrap_or_default();
+        let has_part = |one: &&Manifest| rows(one) != [0; 3];
         let tasks = self.manifests.iter().filter(has_part).map(|one| one.task);
         Reduction {
             group,

@@ -18,6 +18,7 @@ use crate::error::EngineError;
 /// A task or a chunk is lacking, came twice, or was never asked for.
 pub(super) fn manifests(
     tasks: &[Task],
+    groups: u32,
     manifests: Vec<Manifest>,
 ) -> Result<Vec<(Manifest, Vec<ChunkRow>)>, EngineError> {
     let mut by_task: BTreeMap<usize, (Manifest, Vec<ChunkRow>)> = BTreeMap::new();
@@ -31,6 +32,12 @@ pub(super) fn manifests(
                 "map task {number} mapped {} units instead of {}",
                 manifest.units,
                 task.units.len()
+            )));
+        }
+        if manifest.rows.len() != groups as usize {
+            return Err(wrong(format!(
+                "map task {number} made parts for {} groups of tiles instead of {groups}",
+                manifest.rows.len()
             )));
         }
         let rows: Vec<ChunkRow> = wire::rows(&manifest.chunks)?;
@@ -99,7 +106,8 @@ fn whole(
     let group = reduction.group;
     let mut rows = reduced.rows.clone();
     for &task in &reduction.tasks {
-        let sent = manifests.get(task).map(|one| one.rows[group as usize]);
+        let sent = manifests.get(task);
+        let sent = sent.and_then(|one| one.rows.get(group as usize).copied());
         let came = rows.remove(&task);
         if sent != came {
             return Err(wrong(format!(

@@ -20,6 +20,9 @@ use crate::progress::Silent;
 use crate::reduce_job::Sum;
 use crate::update::{Exchange, Update};
 
+/// Of each tile the digest of its rows, and when the last of them was seen.
+type Sums = BTreeMap<i32, (String, Option<i64>)>;
+
 /// A chunk: vehicle, channel, window.
 pub(super) type Chunk = (i64, i64, i64);
 
@@ -52,7 +55,7 @@ pub struct Reduced {
     /// What was done to the data files of evidence, sightings and footprints.
     pub(super) rewritten: [Rewritten; 3],
     /// Of each judged tile, what its header says of its rows: digest and time of the last.
-    tiles: BTreeMap<i32, (String, Option<i64>)>,
+    tiles: Sums,
     /// What was counted of each stage.
     pub counts: Vec<Count>,
     /// What is said of the elements of judged tiles: an Arrow IPC stream of the table `changes`.
@@ -153,7 +156,7 @@ impl Worker {
         by_tile: BTreeMap<TileId, Vec<EvidenceRow>>,
         fold: &Fold,
         meter: &Meter,
-    ) -> (BTreeMap<i32, (String, Option<i64>)>, Vec<ChangeRecord>) {
+    ) -> (Sums, Vec<ChangeRecord>) {
         let mut elements: BTreeMap<TileId, Vec<&MappedElement>> = BTreeMap::new();
         for mapped in self.context.map.elements() {
             if by_tile.contains_key(&mapped.tile) {
