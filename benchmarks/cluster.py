@@ -1,6 +1,6 @@
 """The rates of a job on one machine beside those on a cluster on the same machine.
 
-`python benchmarks/cluster.py MAP LOGS OUT.json` in the environment of `cargo xtask cluster-test`
+`python benchmarks/cluster.py MAP LOGS OUT.json TURNS` in the environment of `cargo xtask cluster-test`
 (target/tools/cluster). Every run makes a new store of the map; digests must be equal.
 """
 
@@ -42,22 +42,17 @@ def timed(name: str, store: Path, run) -> dict:
     return result
 
 
-def on_ray(nodes: int, store: Path, repeats: int) -> list[dict]:
-    """Runs on a cluster of this many nodes of one core each; the first one starts the workers."""
+def start_ray(nodes: int) -> None:
+    """A cluster of this many nodes of one core each."""
     cluster = Cluster(initialize_head=True, head_node_args=NODE)
     for _ in range(nodes - 1):
         cluster.add_node(**NODE)
     ray.init(address=cluster.address, log_to_driver=False)
     cluster.wait_for_nodes()
-    names = ["cold", *["warm"] * (repeats - 1)]
-    results = [timed(f"ray, {nodes} nodes, {name}", store, tilefold.ray.run) for name in names]
-    ray.shutdown()
-    cluster.shutdown()
-    return results
 
 
-def on_spark(store: Path, repeats: int) -> list[dict]:
-    """Runs on two executors of one core each."""
+def spark_runner():
+    """What runs a job on two executors of one core each."""
     os.environ["PYSPARK_PYTHON"] = sys.executable
     from pyspark.sql import SparkSession
 
@@ -68,20 +63,24 @@ def on_spark(store: Path, repeats: int) -> list[dict]:
     def run(store, logs):
         return tilefold.spark.run(store, logs, spark=session, options=Options(groups=2))
 
-    names = ["cold", *["warm"] * (repeats - 1)]
-    results = [timed(f"spark, 2 executors, {name}", store, run) for name in names]
-    session.stop()
-    return results
+    return run
 
 
 def main() -> None:
+    start_ray(2)
+    runs = {
+        "local, 1 thread": lambda store, logs: tilefold.run(store, logs, threads=1),
+        "local, 2 threads": lambda store, logs: tilefold.run(store, logs, threads=2),
+        "ray, 2 nodes": tilefold.ray.run,
+        "spark, 2 executors": spark_runner(),
+    }
+    results = []
     with tempfile.TemporaryDirectory() as folder:
-        store = Path(folder) / "store"
-        local = lambda threads: lambda store, logs: tilefold.run(store, logs, threads=threads)
-        results = [timed("local, 1 thread", store, local(1))]
-        results += [timed("local, 2 threads", store, local(2)) for _ in range(2)]
-        results += on_ray(1, store, 2) + on_ray(2, store, 3)
-        results += on_spark(store, 2)
+        # In turns, so that whatever else the machine does falls on all of them. The first round
+        # starts the workers.
+        for turn in range(int(sys.argv[4])):
+            for name, run in runs.items():
+                results.append({"turn": turn} | timed(name, Path(folder) / "store", run))
     digests = {(one["digest"], one["evidence_digest"]) for one in results}
     assert len(digests) == 1, digests
     Path(sys.argv[3]).write_text(json.dumps(results, indent=1) + "\n")
