@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use tilefold_formats::log::{LogReader, TopicKind};
-use tilefold_formats::picture;
-use tilefold_schemas::log::{CameraFrame, Payload};
+use tilefold_formats::picture::{self, Sequence};
+use tilefold_schemas::log::{LogMessage, Payload};
 use tilefold_schemas::{
     ChangeRecord, ElementKind, Picture, SetAside, SetAsideKind, VehicleKey, Verdict, wkb,
 };
@@ -364,26 +364,27 @@ fn photograph(catalogue: &Catalogue, unit: &Unit, frame: &Frame) -> Result<Pictu
             .topics_of(TopicKind::Image)
             .map(|(index, _)| index)
             .collect();
-        let mut found: Option<CameraFrame> = None;
+        let mut found = None;
+        let mut sequence = Sequence::default();
         let own = |index: usize, name: &str| match frame.topic.as_deref() == Some(name) {
             true => cameras.contains(&index),
             false => cameras == [index],
         };
-        let read = LogReader::new().read(
-            log,
-            |index, topic| own(index, &topic.name),
-            range.clone(),
-            |message| {
-                if let Payload::Image(image) = &message.payload
-                    && message.stamp_ns == frame.stamp_ns
-                {
-                    found = Some(image.clone());
-                }
-            },
-        );
+        let sink = |message: LogMessage| {
+            let Payload::Image(image) = message.payload else {
+                return;
+            };
+            let still = sequence.still(image);
+            if message.stamp_ns == frame.stamp_ns {
+                found = Some(still);
+            }
+        };
+        let times = perceive::from_key_frame(log, &range);
+        let read = LogReader::new().read(log, |index, topic| own(index, &topic.name), times, sink);
         read.map_err(|error| error.to_string())?;
-        if let Some(image) = found {
-            return picture::decode(&image).map_err(|error| error.to_string());
+        if let Some(still) = found {
+            let decoded = still.and_then(|still| picture::decode(&still));
+            return decoded.map_err(|error| error.to_string());
         }
     }
     Err("its logs hold no picture of that time".to_owned())
