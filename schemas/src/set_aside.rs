@@ -4,7 +4,9 @@
 use std::fmt;
 
 /// The name under which a loss is counted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum SetAsideKind {
     /// A file that could not be opened or is not what it should be.
@@ -52,7 +54,7 @@ impl SetAsideKind {
 }
 
 /// One thing (or `count` alike things) that was set aside.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct SetAside {
     /// What kind of thing.
     pub kind: SetAsideKind,

@@ -4,6 +4,7 @@
 //! anything long begins. Each word is a file of its own; this one only chooses.
 
 mod book;
+mod cluster;
 mod command;
 mod demo;
 mod histories;
@@ -27,6 +28,9 @@ cargo xtask WORD [ARGUMENT...]
                   ARG... goes to the test runner (a name to filter by, for instance)
   histories [N]   N random histories of small stores (5,000 if not given) against one plain job each
   s3-test         stores in buckets, against moto's S3 server (from PyPI); `test` runs it too
+  cluster-test [ARG...]
+                  the wheel and its runners: Ray on three nodes of which some die, Spark (from PyPI);
+                  ARG... goes to pytest; `test` runs it too
   ci-lints        format, clippy, documentation and the book, with every warning an error
   docs            builds the book (docs/book) and the API documentation (target/doc)
 ";
@@ -56,6 +60,7 @@ fn dispatch(word: &str, arguments: &[String]) -> Result<(), Failure> {
         "test" => test::run(&root, arguments),
         "histories" => histories::run(&root, arguments),
         "s3-test" => without_arguments(word, arguments).and_then(|()| s3::run(&root)),
+        "cluster-test" => cluster::run(&root, arguments),
         "ci-lints" => without_arguments(word, arguments).and_then(|()| lints::run(&root)),
         "docs" => without_arguments(word, arguments).and_then(|()| book::run(&root)),
         _ => Err(Failure::usage(format!(

@@ -78,7 +78,8 @@ impl DataFile {
 }
 
 /// The coarse tile whose file holds the rows of `tile`.
-pub(crate) fn coarse(tile: TileId) -> TileId {
+#[must_use]
+pub fn coarse(tile: TileId) -> TileId {
     tile.ancestor(tile.level().saturating_sub(COARSE_LEVELS))
 }
 

@@ -138,6 +138,19 @@ pub enum StoreError {
         /// How often the commit was tried.
         attempts: usize,
     },
+    /// Data files that were written elsewhere do not belong to this transaction.
+    #[error(
+        "data files of table `{table}` that were written for {location} elsewhere do not fit: \
+         {reason}; nothing was committed: run the same command again"
+    )]
+    Elsewhere {
+        /// The store.
+        location: String,
+        /// The table.
+        table: String,
+        /// What does not fit.
+        reason: String,
+    },
     /// A file of the store is not what was written.
     #[error("{file} is damaged: {reason}; restore it from a copy, or use another version")]
     Damaged {

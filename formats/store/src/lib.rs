@@ -17,6 +17,7 @@ mod commit_info;
 mod data_file;
 mod delta;
 mod digest;
+mod elsewhere;
 mod error;
 mod folder;
 mod geo;
@@ -31,8 +32,9 @@ mod transaction;
 mod vacuum;
 mod version;
 
-pub use data_file::DataFile;
+pub use data_file::{DataFile, coarse};
 pub use digest::digest_rows;
+pub use elsewhere::Rewritten;
 pub use error::StoreError;
 pub use layout::StoredTable;
 pub use location::Location;

@@ -34,14 +34,14 @@ const ATTEMPTS: usize = 16;
 #[derive(Debug)]
 pub struct Transaction {
     base: Snapshot,
-    staged: BTreeMap<&'static str, Staged>,
+    pub(crate) staged: BTreeMap<&'static str, Staged>,
 }
 
 /// A table that was touched: the files that it is to have.
 #[derive(Debug, Clone)]
-struct Staged {
-    layout: Layout,
-    files: Files,
+pub(crate) struct Staged {
+    pub(crate) layout: Layout,
+    pub(crate) files: Files,
 }
 
 /// What happens to the file of one coarse tile (or to one file of an untiled table).
@@ -128,7 +128,7 @@ impl Transaction {
     }
 
     /// The files that the table is to have, at first those of the base.
-    fn stage(&mut self, layout: &Layout) -> Result<&mut Staged, StoreError> {
+    pub(crate) fn stage(&mut self, layout: &Layout) -> Result<&mut Staged, StoreError> {
         if !self.staged.contains_key(layout.name) {
             let files = match self.base.table(layout.name)? {
                 Some(table) => {

@@ -526,6 +526,9 @@ pub(crate) struct Simulation {
     /// Kilometres of road of a drawn city.
     #[arg(long, default_value_t = 3.0)]
     pub km: f64,
+    /// Where a drawn city's middle is: longitude and latitude in degrees.
+    #[arg(long, value_names = ["LONGITUDE", "LATITUDE"], num_args = 2, default_values_t = [10.0, 50.0], allow_negative_numbers = true, conflicts_with = "map")]
+    pub at: Vec<f64>,
     /// Vehicles.
     #[arg(long, default_value_t = 32)]
     pub vehicles: u32,

@@ -12,11 +12,8 @@ use tilefold_engine::{
 };
 use tilefold_formats::geojson::read_changes_file;
 use tilefold_formats::matching_truth::MatchingTruth;
-use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{
-    ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, SensorRow, Sighting,
-};
-use tilefold_store::{Snapshot, Store, StoreError, StoredTable, TileFilter, digest_rows};
+use tilefold_schemas::LayerHeader;
+use tilefold_store::{Store, TileFilter};
 
 use crate::args::{Args, Command, Runtime};
 use crate::at::{At, open};
@@ -343,33 +340,11 @@ fn show(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-#[derive(Serialize)]
-struct Verification {
-    version: i64,
-    /// Digest of the layers; null where they are damaged.
-    digest: Option<String>,
-    ok: bool,
-}
-
 fn verify(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
-    let snapshot = open(store, version)?;
-    // Every data file is read and held against its hash on the way.
-    let digest = sound_digest::<LayerHeader>(&snapshot)?;
-    let tables = [
-        digest.clone(),
-        sound_digest::<ChangeRecord>(&snapshot)?,
-        sound_digest::<EvidenceRow>(&snapshot)?,
-        sound_digest::<Sighting>(&snapshot)?,
-        sound_digest::<Footprint>(&snapshot)?,
-        sound_digest::<ChunkRow>(&snapshot)?,
-        sound_digest::<SensorRow>(&snapshot)?,
-        sound_digest::<ElementRow>(&snapshot)?,
-    ];
-    let verification = Verification {
-        version: snapshot.version(),
-        digest,
-        ok: tables.iter().all(Option::is_some) && layers_fit(&snapshot)?,
-    };
+    let verification = tilefold_engine::verify(&open(store, version)?)?;
+    for finding in &verification.findings {
+        eprintln!("{finding}");
+    }
     print(args, &verification, |v| {
         format!(
             "version {}: {} {}",
@@ -383,45 +358,6 @@ fn verify(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
     } else {
         Outcome::Differs
     })
-}
-
-/// The digest of a table; none, and a line that says which file it is, where one is damaged.
-fn sound_digest<R: StoredTable>(snapshot: &Snapshot) -> Result<Option<String>> {
-    match snapshot.digest::<R>() {
-        Ok(digest) => Ok(Some(digest)),
-        Err(error @ (StoreError::Damaged { .. } | StoreError::Column { .. })) => {
-            eprintln!("{error}");
-            Ok(None)
-        }
-        Err(error) => Err(error.into()),
-    }
-}
-
-/// Whether every layer's header has the digest of its records.
-fn layers_fit(snapshot: &Snapshot) -> Result<bool> {
-    let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
-    let changes: Vec<ChangeRecord> = snapshot.read(TileFilter::All)?;
-    let mut by_tile: std::collections::BTreeMap<i32, Vec<ChangeRecord>> =
-        std::collections::BTreeMap::new();
-    for change in changes {
-        by_tile.entry(change.tile).or_default().push(change);
-    }
-    let mut ok = true;
-    for header in &headers {
-        let digest = digest_rows(by_tile.remove(&header.tile).unwrap_or_default())?;
-        if digest != header.digest {
-            ok = false;
-            eprintln!(
-                "tile {} differs: its header says {}, its records are {digest}",
-                header.tile, header.digest
-            );
-        }
-    }
-    if let Some(tile) = by_tile.keys().next() {
-        ok = false;
-        eprintln!("tile {tile} has change records but no layer header");
-    }
-    Ok(ok)
 }
 
 /// What `evaluate` is asked to score.

@@ -36,8 +36,13 @@ fn spec(wanted: &Simulation) -> Result<CitySpec, Box<dyn Error>> {
         None => Site::Drawn { km: wanted.km },
     };
     let drives = wanted.drives;
+    let mut anchor = CitySpec::default().anchor;
+    for (axis, &degrees) in anchor.iter_mut().zip(&wanted.at) {
+        *axis = degrees;
+    }
     Ok(CitySpec {
         seed: wanted.seed,
+        anchor,
         site,
         change_share: wanted.changes,
         during_share: wanted.during,

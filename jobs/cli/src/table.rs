@@ -90,7 +90,7 @@ pub(crate) fn notes(report: &RunReport) -> String {
         let lines = report
             .done_without
             .iter()
-            .map(|without| vec![without.chunks.to_string(), without.what.to_owned()]);
+            .map(|without| vec![without.chunks.to_string(), without.what.to_string()]);
         text += &rows(&["chunks", "poses had to do without"], lines);
         text += "\n\n";
     }

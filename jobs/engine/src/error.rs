@@ -104,6 +104,11 @@ pub enum EngineError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// What came back from a cluster is not what was asked of it.
+    #[error(
+        "the cluster's work does not add up: {0}; nothing was committed: run the same command again"
+    )]
+    Cluster(String),
     /// Nothing to do the job on.
     #[error("{0}")]
     Nothing(String),

@@ -7,6 +7,7 @@
 mod accepted;
 mod base_map;
 pub mod calibrate;
+pub mod cluster;
 pub mod compare;
 pub mod detect;
 pub mod drives;
@@ -32,6 +33,7 @@ mod same_place;
 pub mod scope;
 mod succession;
 mod update;
+pub mod verify;
 
 pub use accepted::Accepted;
 pub use calibrate::{Calibration, calibrate};
@@ -49,3 +51,4 @@ pub use tilefold_onnx::{Device, OnnxError};
 pub use tilefold_reducers::FusionModel;
 pub use tilefold_reducers::regions::regions;
 pub use tilefold_workers::Registering;
+pub use verify::{Verification, verify};

@@ -5,7 +5,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The stages of a job, in the order of the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -113,6 +113,27 @@ impl Meter {
         counters.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
+    /// What was counted so far, in the order of [`Stage::ALL`].
+    #[must_use]
+    pub fn counts(&self) -> Vec<Count> {
+        let read = |counters: &Counters| Count {
+            items: counters.items.load(Ordering::Relaxed),
+            bytes: counters.bytes.load(Ordering::Relaxed),
+            busy_nanos: counters.busy_nanos.load(Ordering::Relaxed),
+        };
+        self.stages.iter().map(read).collect()
+    }
+
+    /// Adds what was counted elsewhere.
+    pub fn add(&self, counts: &[Count]) {
+        for (counters, count) in self.stages.iter().zip(counts) {
+            counters.items.fetch_add(count.items, Ordering::Relaxed);
+            counters.bytes.fetch_add(count.bytes, Ordering::Relaxed);
+            let nanos = count.busy_nanos;
+            counters.busy_nanos.fetch_add(nanos, Ordering::Relaxed);
+        }
+    }
+
     /// The figures so far; of stages that pictures alone go through, only where there were any.
     #[must_use]
     pub fn report(&self) -> Vec<StageReport> {
@@ -146,6 +167,17 @@ impl Meter {
     pub fn elapsed_s(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
     }
+}
+
+/// What was counted of one stage, on its way from one machine to another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Count {
+    /// Items done.
+    pub items: u64,
+    /// Bytes read or written.
+    pub bytes: u64,
+    /// Nanoseconds of work, summed over threads.
+    pub busy_nanos: u64,
 }
 
 /// What one stage did.

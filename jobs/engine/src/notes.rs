@@ -1,24 +1,25 @@
 //! What a run found out about the drives besides their evidence: what poses had to do without, and
 //! how cameras are really mounted.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tilefold_workers::mounting::Mounting;
 
 use crate::map_job::Mapped;
 
 /// Something that chunks had to do without.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Without {
     /// What, and what was done instead.
-    pub what: &'static str,
+    pub what: Cow<'static, str>,
     /// In how many chunks.
     pub chunks: u64,
 }
 
 /// How the camera behind a channel of a log is mounted, by the chunk that tells most about it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MountingNote {
     /// The log's file.
     pub log: String,
@@ -62,7 +63,10 @@ pub(crate) fn done_without(mapped: &[Mapped]) -> Vec<Without> {
     }
     let mut all: Vec<Without> = chunks
         .into_iter()
-        .map(|(what, chunks)| Without { what, chunks })
+        .map(|(what, chunks)| Without {
+            what: what.into(),
+            chunks,
+        })
         .collect();
     all.sort_by_key(|without| std::cmp::Reverse(without.chunks));
     all

@@ -23,6 +23,35 @@ pub struct Layer {
     pub records: Vec<ChangeRecord>,
 }
 
+/// What a tile's header says of the ledger rows that its layer is made from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Sum {
+    /// Their digest.
+    pub digest: String,
+    /// When the last of them was seen, nanoseconds since the Unix epoch; none without rows.
+    pub last_ns: Option<i64>,
+}
+
+impl Sum {
+    /// That of a tile's rows that count.
+    #[must_use]
+    pub fn of(rows: Vec<EvidenceRow>) -> Self {
+        Self {
+            last_ns: rows.iter().map(|row| row.last_ns).max(),
+            digest: Ledger::of(rows).digest(),
+        }
+    }
+}
+
+/// Tiles whose elements were judged elsewhere, all of them, with all rows of the tile.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Judged {
+    /// The tiles.
+    pub tiles: BTreeMap<TileId, Sum>,
+    /// What was said of their elements.
+    pub records: Vec<ChangeRecord>,
+}
+
 /// What is folded, and how.
 #[derive(Clone, Copy)]
 pub struct Reduce<'a> {
@@ -52,18 +81,35 @@ impl Reduce<'_> {
         change: &Change,
         rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
     ) -> Result<Vec<Layer>, EngineError> {
+        self.layers_with(change, &Judged::default(), rows_of)
+    }
+
+    /// As [`Reduce::layers`], where some tiles were judged elsewhere: `rows_of` is not asked for them.
+    ///
+    /// # Errors
+    /// As [`Reduce::layers`].
+    pub fn layers_with(
+        &self,
+        change: &Change,
+        judged: &Judged,
+        rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
+    ) -> Result<Vec<Layer>, EngineError> {
         self.progress
             .begin(Stage::Reduce, change.tiles.len() as u64);
-        let refolded = Scope::new(self, rows_of).refold(change)?;
+        let refolded = Scope::new(self, rows_of).taking(judged).refold(change)?;
         let count = refolded.tiles.len() as u64;
         self.meter.count(Stage::Reduce, count, 0);
         self.progress.advance(Stage::Reduce, count, 0);
-        let layers = self.under_headers(refolded);
+        let layers = self.under_headers(refolded, judged);
         self.progress.end(Stage::Reduce);
         layers
     }
 
-    fn under_headers(&self, refolded: Refolded) -> Result<Vec<Layer>, EngineError> {
+    fn under_headers(
+        &self,
+        refolded: Refolded,
+        judged: &Judged,
+    ) -> Result<Vec<Layer>, EngineError> {
         let mut rows = refolded.rows;
         let tiles = refolded.tiles.into_iter();
         let mut by_tile: BTreeMap<TileId, Vec<ChangeRecord>> =
@@ -74,27 +120,27 @@ impl Reduce<'_> {
             }
         }
         let layer = |(tile, mut records): (TileId, Vec<ChangeRecord>)| {
-            let rows = rows.remove(&tile).unwrap_or_default();
-            stale::mark(&mut records, self.as_of_ns(&rows));
-            let header = self.header(tile, &records, rows)?;
+            let sum = judged.tiles.get(&tile).cloned();
+            let sum = sum.unwrap_or_else(|| Sum::of(rows.remove(&tile).unwrap_or_default()));
+            stale::mark(&mut records, self.as_of_ns(&sum));
+            let header = self.header(tile, &records, sum)?;
             Ok(Layer { header, records })
         };
         by_tile.into_iter().map(layer).collect()
     }
 
     /// The time that a tile's layer is as of: where none was asked for, that of its last evidence.
-    fn as_of_ns(&self, rows: &[EvidenceRow]) -> i64 {
-        let last_ns = rows.iter().map(|row| row.last_ns).max();
-        self.fold.as_of_ns.or(last_ns).unwrap_or(0)
+    fn as_of_ns(&self, sum: &Sum) -> i64 {
+        self.fold.as_of_ns.or(sum.last_ns).unwrap_or(0)
     }
 
     fn header(
         &self,
         tile: TileId,
         records: &[ChangeRecord],
-        rows: Vec<EvidenceRow>,
+        sum: Sum,
     ) -> Result<LayerHeader, EngineError> {
-        let as_of_ns = self.as_of_ns(&rows);
+        let as_of_ns = self.as_of_ns(&sum);
         let count = |verdict: Verdict| {
             let of = records.iter().filter(|r| r.verdict == verdict.code());
             of.count() as i32
@@ -102,7 +148,7 @@ impl Reduce<'_> {
         Ok(LayerHeader {
             tile: tile.0,
             digest: digest_rows(records.to_vec())?,
-            evidence_digest: Ledger::of(rows).digest(),
+            evidence_digest: sum.digest,
             fusion_model: self.fold.model.name().to_owned(),
             sensor_model: self.fold.sensor.id(),
             as_of_ns,

@@ -26,7 +26,7 @@ pub(crate) use crate::update::AS_OF;
 pub use crate::update::read_elements;
 
 /// How often what was mapped is folded onto a version that another writer made meanwhile.
-const ATTEMPTS: usize = 32;
+pub(crate) const ATTEMPTS: usize = 32;
 
 /// What a run did.
 #[derive(Debug, Clone, Serialize)]
@@ -282,7 +282,7 @@ impl Folding<'_> {
 }
 
 /// Drops what another writer brought as well.
-fn keep_better(mapped: &mut Vec<Mapped>, known: &KnownChunks) {
+pub(crate) fn keep_better(mapped: &mut Vec<Mapped>, known: &KnownChunks) {
     mapped.retain(|chunk| {
         let known = known.get(&chunk.row.chunk());
         known.is_none_or(|known| {
@@ -292,7 +292,7 @@ fn keep_better(mapped: &mut Vec<Mapped>, known: &KnownChunks) {
 }
 
 /// Evidence of two methods is never added up.
-fn check_method(known: &[ChunkRow], wanted: i32) -> Result<(), EngineError> {
+pub(crate) fn check_method(known: &[ChunkRow], wanted: i32) -> Result<(), EngineError> {
     let other = known.iter().find(|row| row.method != wanted);
     other.map_or(Ok(()), |row| {
         Err(EngineError::OtherMethod {
@@ -302,14 +302,14 @@ fn check_method(known: &[ChunkRow], wanted: i32) -> Result<(), EngineError> {
     })
 }
 
-fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
+pub(crate) fn sorted<'a>(set_aside: impl Iterator<Item = &'a SetAside>) -> Vec<SetAside> {
     let mut all: Vec<SetAside> = set_aside.cloned().collect();
     all.sort();
     all.dedup();
     all
 }
 
-fn known_chunks(rows: &[ChunkRow]) -> KnownChunks {
+pub(crate) fn known_chunks(rows: &[ChunkRow]) -> KnownChunks {
     let known = rows.iter().map(|row| (row.chunk(), Known::of(row)));
     known.collect()
 }

@@ -21,7 +21,7 @@ use tilefold_tiler::tile::{self, Bounds};
 
 use crate::error::EngineError;
 use crate::meter::Stage;
-use crate::reduce_job::Reduce;
+use crate::reduce_job::{Judged, Reduce};
 
 /// A candidate, and whatever mapped line it is weighed against, lies within this of a sighting that it
 /// is made from, in metres: it is followed over gaps of 12 m.
@@ -118,6 +118,7 @@ pub(crate) struct Scope<'a, F> {
     areas: Groups<'a>,
     rows: BTreeMap<TileId, Vec<EvidenceRow>>,
     records: BTreeMap<Key, Vec<ChangeRecord>>,
+    judged: Option<&'a Judged>,
 }
 
 impl<'a, F> Scope<'a, F>
@@ -144,7 +145,30 @@ where
             areas,
             rows: BTreeMap::new(),
             records: BTreeMap::new(),
+            judged: None,
         }
+    }
+
+    /// Takes over what was judged elsewhere: of these tiles no rows are asked for.
+    pub(crate) fn taking(mut self, judged: &'a Judged) -> Self {
+        let tiles = judged.tiles.keys();
+        let elements = tiles.filter_map(|tile| self.by_tile.get(tile)).flatten();
+        let keys = elements.map(|mapped| (key(mapped), Vec::new()));
+        self.records.extend(keys);
+        for record in &judged.records {
+            self.keep(record.clone());
+        }
+        self.judged = Some(judged);
+        self
+    }
+
+    fn keep(&mut self, record: ChangeRecord) {
+        let of = (
+            TileId(record.tile),
+            record.element.unwrap_or(0),
+            record.content,
+        );
+        self.records.entry(of).or_default().push(record);
     }
 
     /// Judges again what the change has an effect on.
@@ -319,20 +343,19 @@ where
             meter.time(Stage::Reduce, || reduce_tile(&input, fold))
         });
         for record in judged.collect::<Vec<_>>().into_iter().flatten() {
-            let of = (
-                TileId(record.tile),
-                record.element.unwrap_or(0),
-                record.content,
-            );
-            self.records.entry(of).or_default().push(record);
+            self.keep(record);
         }
         Ok(())
     }
 
     /// Reads the rows of tiles that are not at hand yet.
     fn load(&mut self, tiles: &BTreeSet<TileId>) -> Result<(), EngineError> {
+        let is_judged = |tile| {
+            let judged = self.judged;
+            judged.is_some_and(|judged| judged.tiles.contains_key(tile))
+        };
         let missing = tiles.iter().filter(|tile| !self.rows.contains_key(tile));
-        let missing: BTreeSet<TileId> = missing.copied().collect();
+        let missing: BTreeSet<TileId> = missing.filter(|tile| !is_judged(tile)).copied().collect();
         if missing.is_empty() {
             return Ok(());
         }

@@ -11,11 +11,12 @@ use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
 use crate::base_map;
 use crate::calibrate;
+use crate::cluster::Exchanged;
 use crate::error::EngineError;
 use crate::map_job::Mapped;
 use crate::meter::{Meter, Stage};
 use crate::progress::Progress;
-use crate::reduce_job::{Layer, Reduce};
+use crate::reduce_job::{Judged, Layer, Reduce};
 use crate::scope::Change;
 
 /// Parameter of a commit: the time that it is as of.
@@ -59,7 +60,7 @@ pub(crate) fn fold_of(snapshot: &Snapshot) -> Result<Fold, EngineError> {
     })
 }
 
-fn tiles_of(row: &ChunkRow) -> impl Iterator<Item = TileId> + '_ {
+pub(crate) fn tiles_of(row: &ChunkRow) -> impl Iterator<Item = TileId> + '_ {
     let tiles = row.tiles.split(',').filter_map(|tile| tile.parse().ok());
     tiles.map(TileId)
 }
@@ -79,6 +80,8 @@ pub(crate) struct Revision<'a> {
     pub(crate) gone: BTreeSet<ChunkId>,
     /// What becomes of the rows that stay; none: nothing.
     pub(crate) rekey: Option<&'a dyn Rekey>,
+    /// What was exchanged and judged elsewhere: the rows of `mapped` are not looked at then.
+    pub(crate) exchanged: Option<Exchanged>,
     /// Tiles whose elements or rows change for another reason.
     pub(crate) also: BTreeSet<TileId>,
     /// What the commit says beside how it was folded.
@@ -148,9 +151,15 @@ impl Update<'_> {
             Some(rekey) => rekey.rekeyed(row),
             None => Some(row),
         };
-        let rows = self.exchange(&mut transaction, &exchange, rows, rekeyed)?;
-        self.exchange(&mut transaction, &exchange, sightings.clone(), Some)?;
-        self.exchange(&mut transaction, &exchange, footprints.clone(), Some)?;
+        let (rows, judged) = match revision.exchanged {
+            Some(exchanged) => (Ledger::default(), exchanged.take_over(&mut transaction)?),
+            None => {
+                let rows = self.exchange(&mut transaction, &exchange, rows, rekeyed)?;
+                self.exchange(&mut transaction, &exchange, sightings.clone(), Some)?;
+                self.exchange(&mut transaction, &exchange, footprints.clone(), Some)?;
+                (rows, Judged::default())
+            }
+        };
         self.progress.end(Stage::Exchange);
         let base = transaction.base().clone();
         let (sightings, vanished) = self.all(&base, &leaving, sightings)?;
@@ -170,7 +179,9 @@ impl Update<'_> {
             meter: self.meter,
             progress: self.progress,
         };
-        let layers = reduce.layers(&change, |tiles| self.rows_of(&base, tiles, &touched, &rows))?;
+        let layers = reduce.layers_with(&change, &judged, |tiles| {
+            self.rows_of(&base, tiles, &touched, &rows)
+        })?;
         let layers = changed(headers, layers, &tiles_of_chunks);
         let count = layers.len();
         let mut parameters = self.parameters();
@@ -202,7 +213,7 @@ impl Update<'_> {
     }
 
     /// Whether layers were made with another model than the one asked for, or as of another time.
-    fn changes_model(&self, base: &Snapshot, headers: &[LayerHeader]) -> bool {
+    pub(crate) fn changes_model(&self, base: &Snapshot, headers: &[LayerHeader]) -> bool {
         self.is_as_of_other_time(base) || headers.iter().any(|header| self.is_other_model(header))
     }
 
@@ -213,7 +224,7 @@ impl Update<'_> {
 
     /// Replaces what the touched tiles hold of the chunks that leave, and takes every other row through
     /// `keep`; returns all their rows.
-    fn exchange<R: Testified + StoredTable>(
+    pub(crate) fn exchange<R: Testified + StoredTable>(
         &self,
         transaction: &mut Transaction,
         exchange: &Exchange<'_>,
@@ -291,9 +302,9 @@ fn changed(
 }
 
 /// Which tiles' rows are exchanged, and whose leave them.
-struct Exchange<'a> {
-    touched: &'a BTreeSet<TileId>,
-    leaving: &'a BTreeSet<ChunkId>,
+pub(crate) struct Exchange<'a> {
+    pub(crate) touched: &'a BTreeSet<TileId>,
+    pub(crate) leaving: &'a BTreeSet<ChunkId>,
 }
 
 fn write_layers(

@@ -3,6 +3,7 @@
 mod buckets;
 mod chaos;
 mod damage;
+mod elsewhere;
 mod faulty;
 mod figures;
 mod files;
