@@ -6,10 +6,12 @@ use std::path::Path;
 use tilefold_city::CitySpec;
 use tilefold_engine::evaluate::Options;
 use tilefold_engine::{FusionModel, InitOptions, RunOptions};
+use tilefold_review::ReviewError;
 
 use crate::args::Args;
 use crate::command::{Asked, init_store, run_logs, score};
 use crate::report::Outcome;
+use crate::review;
 
 /// Makes the city, runs the job on it and scores both folds.
 ///
@@ -46,5 +48,24 @@ pub(crate) fn demo(args: &Args, out: &Path, seed: u64) -> Result<Outcome, Box<dy
         out.join("report/overview.svg").display(),
         store.display()
     );
+    point_to_page(&store, &out.join("review"))?;
     Ok(outcome)
+}
+
+/// Writes the review page beside the store and says how to open it. Without its map library the demo
+/// is whole all the same.
+fn point_to_page(store: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
+    if folder.exists() {
+        std::fs::remove_dir_all(folder)?;
+    }
+    match review::write_page_of(store, folder) {
+        Ok(report) => eprintln!(
+            "the review page is {}: open it in a browser; or, to keep what you decide with the store, run `tilefold serve {}`",
+            report.page.display(),
+            store.display()
+        ),
+        Err(ReviewError::NoMapLibrary) => eprintln!("{}", ReviewError::NoMapLibrary),
+        Err(error) => return Err(error.into()),
+    }
+    Ok(())
 }

@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use tilefold_engine::export::{Choice, chosen};
 use tilefold_formats::geojson::Reviewed;
 use tilefold_review::decision::FILE;
-use tilefold_review::{Decision, Decisions, Door, Review, Said, Served, serve, write_folder};
+use tilefold_review::{
+    Decision, Decisions, Door, FolderReport, Review, ReviewError, Said, Served, serve, write_folder,
+};
 use tilefold_schemas::Verdict;
-use tilefold_store::Snapshot;
+use tilefold_store::{Snapshot, Store};
 
 use crate::args::{Args, Deciding, Export, Say, Serving};
 use crate::at::open;
@@ -74,6 +76,18 @@ pub(crate) fn write_page(args: &Args, snapshot: &Snapshot, asked: &Export) -> Re
         )
     })?;
     Ok(Outcome::Done)
+}
+
+/// Writes the page of a store's latest version as a folder.
+///
+/// # Errors
+/// As [`write_page`].
+pub(crate) fn write_page_of(
+    store: &Path,
+    folder: &Path,
+) -> std::result::Result<FolderReport, ReviewError> {
+    let review = Review::open(Store::open(store.to_path_buf())?, None)?;
+    write_folder(&review, &Decisions::read(&store.join(FILE))?, folder)
 }
 
 /// Keeps a decision, or those of a file.

@@ -57,7 +57,7 @@
       if (event.key === 'Enter' && state.shown.length) state.choose(state.shown[0]);
     });
     byId('filter-reset').addEventListener('click', () => { state.filters = { ...state.defaults(), order: state.filters.order }; byId('search').value = ''; changed(); });
-    byId('filters').open = matchMedia('(min-width: 861px) and (min-height: 700px)').matches;
+    byId('filters').open = matchMedia('(min-width: 861px) and (min-height: 1000px)').matches;
     show();
   }
 

@@ -123,7 +123,7 @@
 
   // One mark a pass: up is for the change, down against it. Passes of one vehicle are joined.
   function chart(told) {
-    const [width, height, left, right, top, bottom] = [340, 132, 30, 8, 8, 20];
+    const [width, height, left, right, top, bottom] = [340, 132, 38, 8, 8, 20];
     const { passes } = told;
     const times = passes.map((pass) => pass.first_ns);
     const [from, to] = [Math.min(...times), Math.max(...times)];
@@ -147,7 +147,7 @@
     const label = (words, at, anchor, line) => svg('text', { x: at, y: line, 'text-anchor': anchor }, words);
     return svg('svg', { viewBox: `0 0 ${width} ${height}`, class: 'chart', role: 'img', 'aria-label': `${passes.length} passes over time, in nats for the change` },
       svg('line', { x1: left, x2: width - right, y1: y(0), y2: y(0), class: 'axis' }),
-      label(nats(most).replace(/0$/, ''), left - 4, 'end', y(most) + 7), label('0', left - 4, 'end', y(0) + 3), label(nats(-most).replace(/0$/, ''), left - 4, 'end', y(-most)),
+      label(nats(most), left - 4, 'end', y(most) + 7), label('0', left - 4, 'end', y(0) + 3), label(nats(-most), left - 4, 'end', y(-most)),
       label(day(from / 1e9), left, 'start', height - 4), to > from ? label(day(to / 1e9), width - right, 'end', height - 4) : null,
       ...marks);
   }

@@ -240,6 +240,8 @@
 
   function drawChosen() {
     const { layer, chosen } = state;
+    // The panel beside the map comes and goes with what is chosen.
+    map.resize();
     if (chosen < 0) return map.getSource('chosen').setData(EMPTY);
     const colours = palette();
     const verdict = state.verdictOf(layer, chosen);
@@ -304,7 +306,7 @@
     const told = (place) => [
       place.unseen_m > 0 && `${metres(place.unseen_m)} of paint unseen`,
       place.thin_m > 0 && `${metres(place.thin_m)} seen by fewer than ${coverage.enough}`,
-      place.open > 0 && many(place.open, 'open change'),
+      place.open > 0 && many(place.open, 'open verdict'),
     ].filter(Boolean).join(' · ');
     const items = coverage.places.map((place) => el('li', {}, el('button', { type: 'button', class: 'plain', onclick: () => flyTo([place.longitude, place.latitude]) }, told(place))));
     const list = items.length ? el('ol', {}, ...items) : el('p', { class: 'quiet' }, 'Every cell was seen by enough vehicles.');

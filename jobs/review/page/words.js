@@ -16,7 +16,12 @@
   const verdictName = (name) => VERDICTS[name] ?? spaced(name);
   const kindName = (name) => KINDS[name] ?? spaced(name);
   const saidName = (name) => SAID[name] ?? spaced(name);
-  const percent = (thousandths) => `${(thousandths / 10).toFixed(thousandths >= 995 || thousandths < 5 ? 1 : 0)} %`;
+  // Never "100 %" or "0 %": nothing is that sure.
+  const percent = (thousandths) => {
+    if (thousandths > 999) return '> 99.9 %';
+    if (thousandths < 1) return '< 0.1 %';
+    return `${(thousandths / 10).toFixed(thousandths >= 990 || thousandths < 10 ? 1 : 0)} %`;
+  };
   const many = (count, one, more = `${one}s`) => `${count.toLocaleString('en')} ${count === 1 ? one : more}`;
   const metres = (value) => `${value.toLocaleString('en', { maximumFractionDigits: 0 })} m`;
   const nats = (value) => `${value < 0 ? '−' : '+'}${Math.abs(value).toFixed(2)}`;

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::table::Table;
-use tilefold_schemas::{ChangeRecord, Footprint, wkb};
+use tilefold_schemas::{ChangeRecord, Footprint, Verdict, wkb};
 use tilefold_store::{Snapshot, StoreError, TileFilter};
 
 use crate::error::ReviewError;
@@ -18,7 +18,7 @@ const ZOOM: u32 = 20;
 /// Cells of a place along a side, as a power of two.
 const PLACE: u32 = 3;
 /// Places that are named.
-const NAMED: usize = 20;
+const NAMED: usize = 12;
 /// Vehicles that a claim needs (V in the paper).
 const ENOUGH: usize = 5;
 /// Steps along paint, and along what a vehicle looked at, in metres.
@@ -57,7 +57,7 @@ struct Place {
     unseen_m: u64,
     /// Paint that some vehicles looked at, but too few.
     thin_m: u64,
-    /// Changes that more looks would settle.
+    /// Verdicts that more looks would settle: unknown, stale, or neither likely nor unlikely.
     open: u64,
 }
 
@@ -133,29 +133,37 @@ fn add_paint(cells: &mut BTreeMap<Address, Cell>, geometry: &[u8]) {
     }
 }
 
-/// The cells ahead of a vehicle, as far as it looked.
+/// The cells ahead of a vehicle, as far and as wide as it looked.
 fn add_look(cells: &mut BTreeMap<Address, Cell>, look: &Footprint) {
     let here = [look.longitude_e9, look.latitude_e9].map(|e9| e9 as f64 * 1e-9);
     let yaw = f64::from(look.yaw_urad) * 1e-6;
     let (cos, sin) = (libm::cos(yaw), libm::sin(yaw));
     let scale = [DEGREE_M * libm::cos(here[1].to_radians()), DEGREE_M];
-    let from_m = f64::from(look.range_from_mm) * 1e-3;
-    let to_m = (f64::from(look.range_to_mm) * 1e-3).min(REACH_M);
-    let steps = ((to_m - from_m) / STEP_M).floor().max(0.0) as usize;
-    for step in 0..=steps {
-        let ahead_m = from_m + step as f64 * STEP_M;
-        let at = [
-            here[0] + ahead_m * cos / scale[0],
-            here[1] + ahead_m * sin / scale[1],
-        ];
-        let cell = cells.entry(address(at)).or_default();
-        cell.vehicles.insert(look.vehicle);
-        cell.last_ns = cell.last_ns.max(look.stamp_ns);
+    let metres = |mm: i32| f64::from(mm) * 1e-3;
+    let far_m = metres(look.range_to_mm).min(REACH_M);
+    for ahead_m in steps(metres(look.range_from_mm), far_m) {
+        for left_m in steps(metres(look.right_mm), metres(look.left_mm)) {
+            let at = [
+                here[0] + (ahead_m * cos - left_m * sin) / scale[0],
+                here[1] + (ahead_m * sin + left_m * cos) / scale[1],
+            ];
+            let cell = cells.entry(address(at)).or_default();
+            cell.vehicles.insert(look.vehicle);
+            cell.last_ns = cell.last_ns.max(look.stamp_ns);
+        }
     }
+}
+
+/// From one end to the other in steps of [`STEP_M`]; both ends are among them.
+fn steps(from_m: f64, to_m: f64) -> impl Iterator<Item = f64> {
+    let count = ((to_m - from_m) / STEP_M).ceil().max(0.0);
+    (0..=count as usize).map(move |step| (from_m + step as f64 * STEP_M).min(to_m.max(from_m)))
 }
 
 fn add_open(cells: &mut BTreeMap<Address, Cell>, record: &ChangeRecord) {
     let posterior = 1.0 - record.p_no_change;
+    let waiting = [Verdict::Unknown, Verdict::Stale].map(Verdict::code);
+    let is_waiting = waiting.contains(&record.verdict);
     let geometry = record
         .geometry_new
         .as_ref()
@@ -163,8 +171,7 @@ fn add_open(cells: &mut BTreeMap<Address, Cell>, record: &ChangeRecord) {
     let read = geometry.and_then(|geometry| wkb::read(geometry).ok());
     let first = read.and_then(|geometry| geometry.points.first().copied());
     if let Some([longitude, latitude, _]) = first
-        && OPEN.contains(&posterior)
-        && record.vehicles > 0
+        && (OPEN.contains(&posterior) || is_waiting)
     {
         cells
             .entry(address([longitude, latitude]))

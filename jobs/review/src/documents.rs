@@ -128,9 +128,8 @@ impl Review {
         let latest = versions.last().map_or(0, |shown| shown.version);
         let version = self.first.unwrap_or(latest);
         let location = self.store.location();
-        let title = location.trim_end_matches('/').rsplit('/').next();
         Ok(Index {
-            title: title.unwrap_or_default().to_owned(),
+            title: title(&location).to_owned(),
             version,
             versions,
             names: Names::all(),
@@ -235,6 +234,13 @@ impl Version {
         let explained = explainer.explain(change)?;
         Ok(explained.into_iter().find(|told| told.change == change))
     }
+}
+
+/// The last two names of a location: the last alone often is `store`.
+fn title(location: &str) -> &str {
+    let location = location.trim_end_matches('/');
+    let place = location.rmatch_indices('/').nth(1);
+    place.map_or(location, |(at, _)| &location[at + 1..])
 }
 
 /// Names a map by the files that it lies in.
