@@ -54,7 +54,9 @@
     byId('order').addEventListener('change', (event) => { state.filters.order = event.target.value; changed(); });
     byId('search').addEventListener('input', (event) => { state.filters.text = event.target.value.trim().toLowerCase(); changed(); });
     byId('search').addEventListener('keydown', (event) => {
-      if (event.key === 'Enter' && state.shown.length) state.choose(state.shown[0]);
+      if (event.key !== 'Enter') return;
+      state.filter();
+      if (state.shown.length) state.choose(state.shown[0]);
     });
     byId('filter-reset').addEventListener('click', () => { state.filters = { ...state.defaults(), order: state.filters.order }; byId('search').value = ''; changed(); });
     byId('filters').open = matchMedia('(min-width: 861px) and (min-height: 1000px)').matches;

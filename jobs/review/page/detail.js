@@ -123,7 +123,7 @@
 
   // One mark a pass: up is for the change, down against it. Passes of one vehicle are joined.
   function chart(told) {
-    const [width, height, left, right, top, bottom] = [340, 132, 38, 8, 8, 20];
+    const [width, height, left, right, top, bottom] = [340, 132, 44, 8, 8, 20];
     const { passes } = told;
     const times = passes.map((pass) => pass.first_ns);
     const [from, to] = [Math.min(...times), Math.max(...times)];

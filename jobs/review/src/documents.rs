@@ -38,9 +38,16 @@ pub struct Review {
 #[derive(Debug)]
 pub(crate) struct Version {
     pub(crate) snapshot: Snapshot,
-    layer: Once<(Layer, BTreeMap<String, Subject>)>,
+    layer: Once<ReadLayer>,
     coverage: Once<Coverage>,
     explainer: Once<Explainer>,
+}
+
+/// A layer, and what there is to decide on in it, by id.
+#[derive(Debug)]
+struct ReadLayer {
+    layer: Layer,
+    subjects: BTreeMap<String, Subject>,
 }
 
 /// The first document: what there is.
@@ -190,33 +197,33 @@ impl Review {
 }
 
 impl Version {
-    fn read_layer(&self) -> Result<Arc<(Layer, BTreeMap<String, Subject>)>, ReviewError> {
+    fn read_layer(&self) -> Result<Arc<ReadLayer>, ReviewError> {
         self.layer.get(|| {
             let layer = Layer::read(&self.snapshot)?;
             let subjects = layer.subjects();
-            Ok((layer, subjects))
+            Ok(ReadLayer { layer, subjects })
         })
     }
 
     /// The layer, as JSON.
     pub(crate) fn layer(&self) -> Result<Vec<u8>, ReviewError> {
-        Ok(serde_json::to_vec(&self.read_layer()?.0)?)
+        Ok(serde_json::to_vec(&self.read_layer()?.layer)?)
     }
 
     /// What a change of the layer is.
     pub(crate) fn subject(&self, change: &str) -> Result<Option<Subject>, ReviewError> {
-        Ok(self.read_layer()?.1.get(change).copied())
+        Ok(self.read_layer()?.subjects.get(change).copied())
     }
 
     /// Ids of claims by tile, and the number of records in the layer.
     pub(crate) fn claims(&self) -> Result<(BTreeMap<TileId, Vec<String>>, usize), ReviewError> {
-        let layer = self.read_layer()?;
-        let claims = layer.0.claims().into_iter();
+        let read = self.read_layer()?;
+        let claims = read.layer.claims().into_iter();
         let owned = claims.map(|(tile, ids)| {
             let ids = ids.into_iter().map(str::to_owned).collect();
             (TileId(tile), ids)
         });
-        Ok((owned.collect(), layer.0.len()))
+        Ok((owned.collect(), read.layer.len()))
     }
 
     /// Where vehicles looked, as JSON.

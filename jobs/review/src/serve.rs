@@ -331,7 +331,9 @@ async fn decide(State(desk): State<Arc<Desk>>, body: Bytes) -> Response {
 mod tests {
     use super::*;
 
-    fn headers(pairs: &[(&'static str, &'static str)]) -> HeaderMap {
+    type Pairs<'a> = &'a [(&'static str, &'static str)];
+
+    fn headers(pairs: Pairs<'_>) -> HeaderMap {
         let pairs = pairs.iter().map(|&(name, value)| {
             let name = header::HeaderName::from_static(name);
             (name, HeaderValue::from_static(value))
@@ -363,7 +365,7 @@ mod tests {
         ] {
             assert!(!is_ours(host, &names), "{host}");
         }
-        let refused = |pairs| refusal(&[], &Method::GET, &headers(pairs)).is_some();
+        let refused = |pairs: Pairs<'_>| refusal(&[], &Method::GET, &headers(pairs)).is_some();
         assert!(refused(&[]));
         assert!(refused(&[("host", "evil.example")]));
         assert!(!refused(&[("host", "127.0.0.1:7878")]));
@@ -373,7 +375,7 @@ mod tests {
     fn only_the_page_itself_decides() {
         let host = ("host", "localhost:7878");
         let json = ("content-type", "application/json");
-        let decides = |pairs| refusal(&[], &Method::POST, &headers(pairs)).is_none();
+        let decides = |pairs: Pairs<'_>| refusal(&[], &Method::POST, &headers(pairs)).is_none();
         assert!(decides(&[host, json, ("origin", "http://localhost:7878")]));
         assert!(!decides(&[host, json]));
         assert!(!decides(&[host, json, ("origin", "null")]));
