@@ -36,7 +36,9 @@
   // The surer the stronger; what was rejected fades.
   const opacity = (most = 1) => ['case', ['==', ['feature-state', 'said'], 'reject'], 0.12,
     ['interpolate', ['linear'], ['get', 'p'], 0, 0.3 * most, 500, 0.5 * most, 850, 0.9 * most, 1000, most]];
-  const wide = (near, far) => ['interpolate', ['exponential', 1.6], ['zoom'], NEAR, far, 19, near];
+  // Outlines of areas stay thin: a sign is no larger than a few pixels for long.
+  const isArea = ['==', ['geometry-type'], 'Polygon'];
+  const wide = (near, far, outline = 2) => ['interpolate', ['exponential', 1.6], ['zoom'], NEAR, ['case', isArea, outline / 2, far], 19, ['case', isArea, outline, near]];
 
   function baseLayers(colours) {
     const map = { source: 'map', 'source-layer': 'map', layout: { visibility: shownLayers.map ? 'visible' : 'none' } };
@@ -60,7 +62,7 @@
     const width = wide(7, 2.5);
     return [
       { id: 'regions', type: 'line', source: 'regions', minzoom: 13, layout: { visibility: shownLayers.regions ? 'visible' : 'none' }, paint: { 'line-color': colours.region, 'line-width': 1.2, 'line-opacity': 0.7, 'line-dasharray': [2, 2] } },
-      { id: 'changes-fill', type: 'fill', ...changes, filter: ['==', ['geometry-type'], 'Polygon'], paint: { 'fill-color': colour, 'fill-opacity': opacity(0.45) } },
+      { id: 'changes-fill', type: 'fill', ...changes, filter: isArea, paint: { 'fill-color': colour, 'fill-opacity': opacity(0.45) } },
       { id: 'changes', type: 'line', ...changes, layout: { 'line-cap': 'round', 'line-join': 'round' }, paint: { 'line-color': colour, 'line-width': width, 'line-opacity': opacity() } },
       { id: 'changes-gone', type: 'line', ...changes, layout: { 'line-join': 'round' }, metadata: { isRemoved }, paint: { 'line-color': colour, 'line-width': width, 'line-opacity': opacity(), 'line-dasharray': [1.6, 1] } },
       { id: 'dots', type: 'circle', source: 'dots', maxzoom: NEAR, paint: { 'circle-color': colour, 'circle-opacity': opacity(0.9), 'circle-radius': ['interpolate', ['linear'], ['zoom'], 8, 2, 11, 3, 14, 4.5] } },
@@ -71,9 +73,10 @@
     const of = (role) => ({ source: 'chosen', filter: ['==', ['get', 'role'], role] });
     return [
       { id: 'chosen-band', type: 'fill', ...of('band'), paint: { 'fill-color': ['get', 'colour'], 'fill-opacity': 0.18 } },
-      { id: 'chosen-halo', type: 'line', source: 'chosen', filter: ['in', ['get', 'role'], ['literal', ['old', 'new']]], layout: { 'line-cap': 'round', 'line-join': 'round' }, paint: { 'line-color': colours.halo, 'line-width': wide(17, 9), 'line-opacity': 0.85 } },
-      { id: 'chosen-old', type: 'line', ...of('old'), layout: { 'line-join': 'round' }, paint: { 'line-color': ['get', 'colour'], 'line-width': wide(6, 3), 'line-dasharray': [1.6, 1] } },
-      { id: 'chosen-new', type: 'line', ...of('new'), layout: { 'line-cap': 'round', 'line-join': 'round' }, paint: { 'line-color': ['get', 'colour'], 'line-width': wide(9, 4.5) } },
+      { id: 'chosen-fill', type: 'fill', source: 'chosen', filter: ['all', isArea, ['==', ['get', 'role'], 'new']], paint: { 'fill-color': ['get', 'colour'], 'fill-opacity': 0.4 } },
+      { id: 'chosen-halo', type: 'line', source: 'chosen', filter: ['in', ['get', 'role'], ['literal', ['old', 'new']]], layout: { 'line-cap': 'round', 'line-join': 'round' }, paint: { 'line-color': colours.halo, 'line-width': wide(17, 9, 7), 'line-opacity': 0.85 } },
+      { id: 'chosen-old', type: 'line', ...of('old'), layout: { 'line-join': 'round' }, paint: { 'line-color': ['get', 'colour'], 'line-width': wide(6, 3, 2.5), 'line-dasharray': [1.6, 1] } },
+      { id: 'chosen-new', type: 'line', ...of('new'), layout: { 'line-cap': 'round', 'line-join': 'round' }, paint: { 'line-color': ['get', 'colour'], 'line-width': wide(9, 4.5, 3) } },
     ];
   }
 
@@ -174,7 +177,7 @@
     map.getSource('dots').setData({ type: 'FeatureCollection', features: dots });
     map.getSource('regions').setData({
       type: 'FeatureCollection',
-      features: layer.regions.map((region) => ({ type: 'Feature', properties: {}, geometry: { type: 'Polygon', coordinates: [[...region.outline, region.outline[0]]] } })),
+      features: layer.regions.map((region, id) => ({ type: 'Feature', id, properties: {}, geometry: { type: 'Polygon', coordinates: [[...region.outline, region.outline[0]]] } })),
     });
     map.getSource('map').setTiles([`tilefold://${mapKey()}/{z}/{x}/{y}`]);
     drawDecisions();
@@ -203,14 +206,23 @@
   let lastExpression = '';
   function drawFilter() {
     const wanted = expression();
-    const text = JSON.stringify(wanted);
+    const text = JSON.stringify([wanted, state.layer.version]);
     if (text === lastExpression) return;
     lastExpression = text;
     const gone = ['==', ['get', 'v'], code('removed')];
     map.setFilter('changes', ['all', wanted, ['!', gone]]);
     map.setFilter('changes-gone', ['all', wanted, gone]);
-    map.setFilter('changes-fill', ['all', wanted, ['==', ['geometry-type'], 'Polygon']]);
+    map.setFilter('changes-fill', ['all', wanted, isArea]);
     map.setFilter('dots', ['all', wanted]);
+    map.setFilter('regions', regionsShown());
+  }
+
+  // Only regions with something in them that is shown; of very many, all.
+  function regionsShown() {
+    const { layer, shown } = state;
+    if (layer.regions.length > 20_000) return true;
+    const ids = [...new Set(shown.map((at) => layer.region[at]).filter((id) => id !== null))];
+    return ids.length ? ['match', ['id'], ids, true, false] : false;
   }
 
   function drawDecisions() {

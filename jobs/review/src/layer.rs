@@ -121,7 +121,9 @@ impl Layer {
         }
         records.retain(|record| record.verdict != Verdict::NoChange.code());
         let mapped = classes(snapshot)?;
-        let regions = regions(&records);
+        let mut regions = regions(&records);
+        // A change alone is no more with a line around it.
+        regions.retain(|region| region.changes.len() > 1);
         let region_of: BTreeMap<i64, usize> = regions
             .iter()
             .enumerate()
@@ -219,6 +221,11 @@ fn rounded(metres: f64) -> f64 {
     }
 }
 
+/// To 1e-7 degrees: a centimetre.
+fn shorter(degrees: f64) -> f64 {
+    (degrees * 1e7).round() / 1e7
+}
+
 /// Marking of each line and class of each ground sign of the map, by element.
 fn classes(snapshot: &Snapshot) -> Result<BTreeMap<i64, i16>, ReviewError> {
     let elements: Vec<ElementRow> = snapshot.read(TileFilter::All)?;
@@ -257,6 +264,6 @@ fn shown(region: &Region) -> RegionShown {
         summary: region.summary(),
         since_s: region.since_ns.map(|stamp_ns| stamp_ns / SECOND_NS),
         changes: region.changes.len(),
-        outline: region.outline.clone(),
+        outline: region.outline.iter().map(|at| at.map(shorter)).collect(),
     }
 }
