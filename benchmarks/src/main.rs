@@ -1,10 +1,12 @@
 //! Benchmarks: `cargo run --release -p tilefold-benchmarks -- accuracy`.
 //!
 //! `suite` says which cities are driven through, `accuracy` runs them and keeps raw results,
+//! `perception` drives a camera through cities and scores what a network sees,
 //! `placed` writes where every frame was placed on the map,
 //! `report` makes the page of the book from raw results and says whether it is up to date.
 
 mod accuracy;
+mod perception;
 mod placed;
 mod report;
 mod suite;
@@ -44,6 +46,28 @@ enum Command {
         /// Only says whether the page and the raw results are up to date; exit code 1 if not.
         #[arg(long, requires = "report")]
         check: bool,
+    },
+    /// Takes pictures of drives through cities, and scores what a network sees in them: classes by
+    /// condition, tracks, and the changes that the whole job finds from pixels.
+    Perception {
+        /// The network's card.
+        #[arg(long)]
+        card: PathBuf,
+        /// Seeds of the cities; 3000 to 3999 are for training.
+        #[arg(long, default_values_t = [401, 402])]
+        seed: Vec<u64>,
+        /// Drives through each city, each by a vehicle of its own.
+        #[arg(long, default_value_t = 14)]
+        drives: u32,
+        /// Length of a drive in kilometres.
+        #[arg(long, default_value_t = 1.2)]
+        drive_km: f64,
+        /// How sensors err: a preset of the simulator, or a file.
+        #[arg(long, default_value = "cameras")]
+        noise: String,
+        /// Folder of the raw results.
+        #[arg(long, default_value_os_t = perception::default_out())]
+        out: PathBuf,
     },
     /// Writes where each frame was placed on the map of a store, and how each line that it saw lies
     /// beside the map: `frames.csv` and `lines.csv`.
@@ -89,6 +113,21 @@ fn run(command: &Command) -> Result<(), Box<dyn Error>> {
             }
             Ok(())
         }
+        Command::Perception {
+            card,
+            seed,
+            drives,
+            drive_km,
+            noise,
+            out,
+        } => perception::run(&perception::Wanted {
+            card,
+            seeds: seed,
+            drives: *drives,
+            drive_km: *drive_km,
+            noise,
+            out,
+        }),
         Command::Placed { store, logs, out } => placed::write(store, logs, out),
     }
 }

@@ -3,15 +3,19 @@
 //! What a picture is, is told by its first bytes, not by the name that a log gives its format. Half
 //! a file is an error, never half a picture; sizes are checked before anything is allocated.
 
+#[cfg(feature = "h264")]
+mod h264;
 mod jpeg;
 mod png;
 mod raw;
+mod sequence;
 
 use tilefold_schemas::Picture;
 use tilefold_schemas::limits::{MAX_ENCODED_PICTURE_BYTES, MAX_PICTURE_PX, MAX_PICTURE_SIDE_PX};
 use tilefold_schemas::log::CameraFrame;
 
 pub use raw::ENCODINGS;
+pub use sequence::{KEY_FRAME_NS, Sequence};
 
 /// Why there is no picture.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -70,24 +74,27 @@ pub enum PictureError {
         /// Bytes there should be.
         expected: u64,
     },
-    /// Video, which needs a decoder with a memory.
-    #[error("a frame of video ({format:?}) cannot be decoded alone")]
+    /// Video that is not read.
+    #[error("video in {format:?} is not read; {remedy}")]
     Video {
         /// As the log names it.
         format: String,
+        /// What helps.
+        remedy: &'static str,
     },
 }
 
-/// Decodes a camera frame.
+/// Decodes a camera frame that stands for itself; [`Sequence`] makes such ones of video.
 ///
 /// # Errors
-/// It is of no known form, damaged, cut off, or too large.
+/// It is of no known form, damaged, cut off, too large, or a frame of video.
 pub fn decode(frame: &CameraFrame) -> Result<Picture, PictureError> {
     match frame {
         CameraFrame::Encoded(image) => decode_file(&image.data, &image.format),
         CameraFrame::Raw(image) => raw::decode(image),
         CameraFrame::Video(image) => Err(PictureError::Video {
             format: image.format.clone(),
+            remedy: "its frames are to be decoded in their order",
         }),
     }
 }

@@ -92,6 +92,24 @@ pub enum Place {
     Box([f64; 4]),
 }
 
+impl Place {
+    /// Its polyline; of a box, its edges as a closed one.
+    #[must_use]
+    pub fn outline(&self) -> Vec<[f64; 2]> {
+        match self {
+            Self::Line(points) => points.clone(),
+            Self::Box([left, top, right, bottom]) => [
+                [*left, *top],
+                [*right, *top],
+                [*right, *bottom],
+                [*left, *bottom],
+                [*left, *top],
+            ]
+            .to_vec(),
+        }
+    }
+}
+
 /// One thing that a network saw.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {

@@ -10,9 +10,13 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use tilefold_city::{CitySpec, Site, write};
+use tilefold_engine::explain::Frame;
+use tilefold_engine::frames::{self, Sources};
 use tilefold_engine::{
     Device, InitOptions, Perception, RunOptions, RunReport, Silent, init, run, run_seeing,
 };
+use tilefold_formats::picture::decode;
+use tilefold_schemas::log::{CameraFrame, EncodedImage};
 use tilefold_schemas::{ChunkRow, EvidenceRow};
 use tilefold_store::{Store, TileFilter};
 use tilefold_tests::pictures::{Flaw, paint};
@@ -106,6 +110,79 @@ fn reasons(report: &RunReport) -> String {
         .iter()
         .map(|loss| format!("{loss}\n"))
         .collect()
+}
+
+/// Pixels of a PNG file that are of a colour.
+fn colored(file: &Path, is_it: impl Fn([u8; 3]) -> bool) -> Vec<[i64; 2]> {
+    let data = std::fs::read(file).unwrap().into();
+    let frame = CameraFrame::Encoded(EncodedImage {
+        format: "png".to_owned(),
+        data,
+    });
+    let picture = decode(&frame).unwrap();
+    let pixels = picture.rgb.chunks_exact(3).enumerate();
+    let width = i64::from(picture.width_px);
+    pixels
+        .filter(|(_, pixel)| is_it([pixel[0], pixel[1], pixel[2]]))
+        .map(|(at, _)| [at as i64 % width, at as i64 / width])
+        .collect()
+}
+
+#[test]
+fn the_map_is_drawn_on_the_paint() {
+    let scene = Scene::new();
+    let log = scene.log(Flaw::None);
+    let red = perception(&card());
+    let store = scene.store("store");
+    see(&store, &log, &red);
+    let (chunks, _) = rows(&store);
+    let chunk = chunks.iter().max_by_key(|chunk| chunk.frames).unwrap();
+    let frame = Frame {
+        stamp_ns: chunk.last_ns,
+        log: Some(chunk.log.clone()),
+        topic: Some(chunk.topic.clone()),
+        vehicle: format!("{:016x}", chunk.vehicle),
+        for_change: 0.0,
+    };
+    let snapshot = Store::open(store).unwrap().snapshot(None).unwrap();
+    let sources = Sources {
+        logs: &[],
+        perception: Some(&red),
+    };
+    let folder = scene.folder.path().join("frames");
+    let pictures = frames::write(&snapshot, &[frame.clone()], sources, &folder).unwrap();
+    assert_eq!(pictures.set_aside, []);
+    let paint = colored(&pictures.written[0], |[r, g, b]| {
+        r > 150 && g < 90 && b < 90
+    });
+    let map = colored(&pictures.written[0], |[r, g, b]| {
+        b > 160 && r < 130 && g < 190
+    });
+    // The map goes on where nothing was painted.
+    let has_map = |[x, y]: &&[i64; 2]| {
+        map.iter()
+            .any(|[u, v]| (x - u).abs() <= 6 && (y - v).abs() <= 3)
+    };
+    let beside_map = paint.iter().filter(has_map).count();
+    assert!(
+        paint.len() > 200 && beside_map * 10 > paint.len() * 8,
+        "{beside_map} of {} pixels of paint are beside {} of the map",
+        paint.len(),
+        map.len()
+    );
+
+    // Where the log is gone, the frame is set aside with a reason.
+    let gone = Frame {
+        log: Some("gone.mcap".to_owned()),
+        ..frame
+    };
+    let none = frames::write(&snapshot, &[gone], sources, &folder).unwrap();
+    assert!(none.written.is_empty());
+    assert!(
+        none.set_aside[0].reason.contains("--logs"),
+        "{:?}",
+        none.set_aside
+    );
 }
 
 #[test]

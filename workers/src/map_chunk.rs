@@ -211,6 +211,7 @@ pub fn map_chunk_traced(
             aslant: &match_aslant(look, (cross_cut, &matches), moved_m, &map, &mut near),
             matches: &matches,
             hidden: &hidden[index],
+            casting,
         };
         trace(&frame, &map);
         ledger.add(&frame);

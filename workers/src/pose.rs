@@ -58,6 +58,14 @@ impl Pose {
             self.north_m + sin * x + cos * y,
         ]
     }
+
+    /// A point of the local frame in the vehicle frame (x forward, y left, metres).
+    #[must_use]
+    pub fn vehicle_from_local(&self, [east_m, north_m]: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        let (dx, dy) = (east_m - self.east_m, north_m - self.north_m);
+        [cos * dx + sin * dy, -sin * dx + cos * dy]
+    }
 }
 
 /// Why a chunk has no trajectory.

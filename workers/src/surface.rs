@@ -107,7 +107,7 @@ impl Heights {
             .locate_in_envelope(AABB::from_corners(low, high));
         let mut samples: Vec<[f64; 3]> = near
             .map(|sample| {
-                let [ahead_m, left_m] = vehicle_from_local(pose, *sample.geom());
+                let [ahead_m, left_m] = pose.vehicle_from_local(*sample.geom());
                 [ahead_m, left_m, sample.data - own.data]
             })
             .filter(|&[ahead_m, left_m, height_m]| {
@@ -120,12 +120,6 @@ impl Heights {
         samples.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         fit(&samples).unwrap_or(Surface::FLAT)
     }
-}
-
-fn vehicle_from_local(pose: &Pose, [east_m, north_m]: [f64; 2]) -> [f64; 2] {
-    let (sin, cos) = pose.yaw_rad.sin_cos();
-    let (dx, dy) = (east_m - pose.east_m, north_m - pose.north_m);
-    [cos * dx + sin * dy, -sin * dx + cos * dy]
 }
 
 /// Samples of a line, of which the third coordinate is the height.

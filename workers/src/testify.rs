@@ -14,6 +14,7 @@ use crate::hidden::Hidden;
 use crate::local_map::{LocalLine, LocalMap};
 use crate::look::Look;
 use crate::matching::{IN_PLACE_M, Match, Matches};
+use crate::pixels::Casting;
 use crate::register::Registration;
 use crate::visibility::{Visibility, Zone};
 
@@ -45,9 +46,32 @@ pub struct Frame<'a> {
     pub aslant: &'a [Aslant],
     /// What it could not see.
     pub hidden: &'a Hidden<'a>,
+    /// Its camera and road, where it was seen in pixels.
+    pub casting: Option<&'a Casting>,
 }
 
 impl Frame<'_> {
+    /// Where its picture shows a line of the chunk's plane (east, north; metres), in pixels; nothing
+    /// where detections are in metres.
+    #[must_use]
+    pub fn in_picture(&self, line_m: &[[f64; 3]]) -> Vec<Vec<[f64; 2]>> {
+        let Some(casting) = self.casting else {
+            return Vec::new();
+        };
+        let surface = casting.surface(self.look.pose.stamp_ns);
+        let in_vehicle = |point: [f64; 3]| {
+            let [ahead_m, left_m] = self.look.pose.vehicle_from_local([point[0], point[1]]);
+            let ahead_m = ahead_m - self.ahead_m;
+            [
+                ahead_m,
+                left_m - self.registration.offset_m,
+                surface.height_m(ahead_m),
+            ]
+        };
+        let line_m: Vec<[f64; 3]> = line_m.iter().map(|&point| in_vehicle(point)).collect();
+        casting.camera.view(&line_m)
+    }
+
     /// Whether a map line was seen in its place: only beside paint that the map has can anything
     /// be said of paint that it lacks. Where the map ends, nothing is missing from it.
     #[must_use]

@@ -16,10 +16,11 @@ import torch
 from augment import augmented
 from losses import loss
 from network import Network
-from pictures import read_city
+from pictures import BOXES, UNKNOWN, read_city
 from targets import STRIDE, box_targets, line_targets
 
 SIZE_PX = (640, 360)
+NO_SIGNS = {UNKNOWN, BOXES.index("vehicle")}
 GRID = (SIZE_PX[1] // STRIDE, SIZE_PX[0] // STRIDE)
 
 
@@ -34,17 +35,36 @@ def sample(random, picture):
     return tensor, of_lines, box_targets(boxes, inside, GRID), np.float32(picture.has_boxes)
 
 
-class Views(torch.utils.data.IterableDataset):
-    """Pairs of views of pictures drawn at random; a share of them of real pictures."""
+def with_signs(pictures):
+    """Pictures by the class of paint that is asked for in them as a box: most have none."""
+    pools = {}
+    for picture in pictures:
+        for kind in {box.kind for box in picture.boxes if box.weight > 0.0} - NO_SIGNS:
+            pools.setdefault(kind, []).append(picture)
+    return [pools[kind] for kind in sorted(pools)]
 
-    def __init__(self, pictures, real, share, seed):
-        self.pictures, self.real, self.share, self.seed = pictures, real, share, seed
+
+class Views(torch.utils.data.IterableDataset):
+    """Pairs of views of pictures drawn at random; a share of them of real pictures, and a share from
+    those with signs, each class as often."""
+
+    def __init__(self, pictures, real, real_share, sign_share, seed):
+        self.pictures, self.real, self.seed = pictures, real, seed
+        self.real_share, self.sign_share, self.signs = real_share, sign_share, with_signs(pictures)
+
+    def pool(self, random):
+        lot = random.random()
+        if self.real and lot < self.real_share:
+            return self.real
+        if self.signs and lot > 1.0 - self.sign_share:
+            return self.signs[random.integers(len(self.signs))]
+        return self.pictures
 
     def __iter__(self):
         worker = torch.utils.data.get_worker_info()
         random = np.random.default_rng([self.seed, worker.id if worker else 0])
         while True:
-            pool = self.real if self.real and random.random() < self.share else self.pictures
+            pool = self.pool(random)
             picture = pool[random.integers(len(pool))]
             yield sample(random, picture)
             yield sample(random, picture)
@@ -65,7 +85,7 @@ def step_loss(network, batch, half):
 def held_back_loss(network, pictures, count=96):
     """Mean loss on views that are the same every time."""
     network.eval()
-    views = batches(Views(pictures, [], 0.0, 1), 8, 0)
+    views = batches(Views(pictures, [], 0.0, 0.0, 1), 8, 0)
     with torch.no_grad():
         values = [float(step_loss(network, next(views), False)[0]) for _ in range(count // 8)]
     network.train()
@@ -83,6 +103,7 @@ def main():
     arguments.add_argument("--cities", nargs="+", type=Path, required=True)
     arguments.add_argument("--real", type=Path)
     arguments.add_argument("--real-share", type=float, default=0.12)
+    arguments.add_argument("--sign-share", type=float, default=0.4)
     arguments.add_argument("--batch", type=int, default=16)
     arguments.add_argument("--steps", type=int, default=6000)
     arguments.add_argument("--threads", type=int, default=2)
@@ -110,7 +131,7 @@ def main():
         step = kept["step"]
     elif given.start:
         network.load_state_dict(torch.load(given.start, weights_only=True)["network"])
-    views = batches(Views(known, real, given.real_share, given.seed + 1000 * step), given.batch, given.workers)
+    views = batches(Views(known, real, given.real_share, given.sign_share, given.seed + 1000 * step), given.batch, given.workers)
     curve = (given.out / "curve.csv").open("a")
     writer, began, sums = csv.writer(curve), time.time(), {}
     network.train()

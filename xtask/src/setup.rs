@@ -24,7 +24,11 @@ pub(crate) fn run(root: &Path) -> Result<(), Failure> {
     map_library::run(root)
 }
 
-fn onnxruntime(root: &Path) -> Result<(), Failure> {
+/// Fetches ONNX Runtime, if it is not there.
+///
+/// # Errors
+/// There is none for this machine, or PyPI is out of reach.
+pub(crate) fn onnxruntime(root: &Path) -> Result<(), Failure> {
     let folder = root.join(".ort");
     let library = folder.join(format!("libonnxruntime.so.{VERSION}"));
     if library.is_file() {

@@ -10,10 +10,13 @@ use crate::page_test;
 use crate::s3;
 use crate::setup;
 
+/// What the default build leaves out, and tests do not.
+const VIDEO: &str = "tilefold-formats/h264";
+
 /// Runs the tests with cargo-nextest where it is installed, and else with `cargo test`.
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     setup::run(root)?;
-    let all = ["--workspace"]
+    let all = ["--workspace", "--features", VIDEO]
         .into_iter()
         .filter(|_| !names_package(arguments));
     let test = |words| Step::cargo(root, words).args(all.clone()).args(arguments);

@@ -22,13 +22,14 @@ pub use section::{Drift, Profile};
 pub use vehicle::{CameraNoise, ClockNoise, GnssNoise, ImuNoise, MountingNoise, WheelNoise};
 
 /// The presets: their names and files.
-const PRESETS: [(&str, &str); 6] = [
+const PRESETS: [(&str, &str); 7] = [
     ("paper_like", include_str!("../noise/paper_like.toml")),
     ("good_gnss", include_str!("../noise/good_gnss.toml")),
     ("worst_gnss", include_str!("../noise/worst_gnss.toml")),
     ("deecamp", include_str!("../noise/deecamp.toml")),
     ("night_rain", include_str!("../noise/night_rain.toml")),
     ("bad_vehicles", include_str!("../noise/bad_vehicles.toml")),
+    ("cameras", include_str!("../noise/cameras.toml")),
 ];
 
 /// How the sensors of one vehicle err.

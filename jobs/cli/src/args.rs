@@ -156,6 +156,13 @@ pub(crate) enum Command {
         /// Seed of the city.
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// Drives with cameras, and looks at their pictures with the network of this card, instead of
+        /// logs with detections.
+        #[arg(long, value_name = "CARD")]
+        detector: Option<PathBuf>,
+        /// ONNX Runtime.
+        #[command(flatten)]
+        runtime: Runtime,
     },
     /// Makes a city by seed, or takes a map as one: changes it, drives through it, writes maps, truth
     /// and logs.
@@ -295,6 +302,9 @@ pub(crate) enum Command {
         /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
         #[arg(long, visible_alias = "as-of", value_parser = at)]
         version: Option<At>,
+        /// Frames to look at, as pictures.
+        #[command(flatten)]
+        frames: Frames,
     },
     /// Recomputes the digests of a version and compares them with what was committed.
     Verify {
@@ -365,6 +375,24 @@ pub(crate) enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+/// Frames of an explanation as pictures.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Frames {
+    /// Folder for the frames to look at, as PNG: what was detected (yellow), the map (blue), and what
+    /// is said to be added (green), removed (red) or modified (orange).
+    #[arg(long, value_name = "FOLDER")]
+    pub frames: Option<PathBuf>,
+    /// Logs, or folders of them, where they are no longer where they were.
+    #[arg(long, num_args = 1.., requires = "frames", value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Model card (.toml) of the network that looked at pictures without detections.
+    #[arg(long, requires = "frames", value_name = "CARD")]
+    pub detector: Option<PathBuf>,
+    /// ONNX Runtime.
+    #[command(flatten)]
+    pub runtime: Runtime,
 }
 
 /// Where networks run.

@@ -34,7 +34,15 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 /// It failed; nothing has changed.
 pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
     match &args.command {
-        Command::Demo { out, seed } => demo::demo(args, out, *seed),
+        Command::Demo {
+            out,
+            seed,
+            detector,
+            runtime,
+        } => {
+            let perception = perception(detector.as_deref(), runtime)?;
+            demo::demo(args, out, *seed, perception.as_ref())
+        }
         Command::Simulate(simulation) => simulate::simulate(args, simulation),
         Command::Init {
             store,
@@ -96,9 +104,12 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             version,
             threshold,
         } => regions::list(args, store, *version, *threshold),
-        Command::Explain { store, id, version } => {
-            explanation::explain_verdict(args, store, id, *version)
-        }
+        Command::Explain {
+            store,
+            id,
+            version,
+            frames,
+        } => explanation::explain_verdict(args, (store, id, *version), frames),
         Command::Verify { store, version } => verify(args, store, *version),
         Command::Compare(asked) => compare::compare(args, asked),
         Command::Export(asked) => export::export(args, asked),
@@ -170,7 +181,7 @@ pub(crate) fn init_store(
     Ok(Outcome::with(&report.set_aside))
 }
 
-fn perception(card: Option<&Path>, runtime: &Runtime) -> Result<Option<Perception>> {
+pub(crate) fn perception(card: Option<&Path>, runtime: &Runtime) -> Result<Option<Perception>> {
     card.map(|card| detect::perception(card, runtime))
         .transpose()
 }

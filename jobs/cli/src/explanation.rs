@@ -5,10 +5,12 @@ use std::path::Path;
 
 use tilefold_engine::explain;
 use tilefold_engine::explain::{Explanation, Frame, PassSays, WouldFlip};
+use tilefold_engine::frames::{self, Sources};
 
-use crate::args::Args;
+use crate::args::{Args, Frames};
 use crate::at::{At, open};
-use crate::report::{Outcome, print};
+use crate::command::perception;
+use crate::report::{Outcome, print, print_set_aside};
 use crate::table;
 
 /// Explains a change, or all that is said of an element.
@@ -17,9 +19,8 @@ use crate::table;
 /// As [`tilefold_engine::explain()`].
 pub(crate) fn explain_verdict(
     args: &Args,
-    store: &Path,
-    id: &str,
-    version: Option<At>,
+    (store, id, version): (&Path, &str, Option<At>),
+    asked: &Frames,
 ) -> Result<Outcome, Box<dyn Error>> {
     let snapshot = open(store, version)?;
     let explained = explain(&snapshot, id)?;
@@ -27,7 +28,27 @@ pub(crate) fn explain_verdict(
         let texts: Vec<String> = explained.iter().map(text).collect();
         texts.join("\n\n")
     })?;
-    Ok(Outcome::Done)
+    let Some(folder) = &asked.frames else {
+        return Ok(Outcome::Done);
+    };
+    let perception = perception(asked.detector.as_deref(), &asked.runtime)?;
+    let sources = Sources {
+        logs: &asked.logs,
+        perception: perception.as_ref(),
+    };
+    let frames: Vec<Frame> = explained
+        .iter()
+        .flat_map(|told| told.frames.clone())
+        .collect();
+    let pictures = frames::write(&snapshot, &frames, sources, folder)?;
+    let count = pictures.written.len();
+    eprintln!(
+        "{count} of {} frames are in {}",
+        frames.len(),
+        folder.display()
+    );
+    print_set_aside(&pictures.set_aside);
+    Ok(Outcome::with(&pictures.set_aside))
 }
 
 fn text(told: &Explanation) -> String {
@@ -38,7 +59,7 @@ fn text(told: &Explanation) -> String {
         (!told.passes.is_empty()).then(|| passes(&told.passes)),
         believed_less(told),
         Some(flip(told)),
-        (!told.frames.is_empty()).then(|| frames(&told.frames)),
+        (!told.frames.is_empty()).then(|| frame_rows(&told.frames)),
         (!told.agrees).then(|| {
             "note: folding this evidence now gives another record than the layer holds; it was made by another version of the program".to_owned()
         }),
@@ -129,7 +150,7 @@ fn flip(told: &Explanation) -> String {
     }
 }
 
-fn frames(frames: &[Frame]) -> String {
+fn frame_rows(frames: &[Frame]) -> String {
     let row = |frame: &Frame| {
         vec![
             if frame.for_change > 0.0 {

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use tilefold_formats::log::{ALL_TIME, LogIndex, LogReader, TopicKind};
 use tilefold_formats::log_write::{Dialect, Entry, LogWriter};
-use tilefold_formats::picture;
+use tilefold_formats::picture::{self, Sequence};
 use tilefold_schemas::log::{
     CameraFrame, Detection, DetectionFrame, DetectionSpace, EncodedImage, LogMessage, Payload,
     VehicleFrame,
@@ -365,11 +365,23 @@ impl Job<'_> {
         let mut held: Vec<(LogMessage, CameraFrame)> = Vec::new();
         let mut acted = Ok(());
         let mut losses = Vec::new();
+        let mut sequence = Sequence::default();
         let sink = |message: LogMessage| {
             let Payload::Image(frame) = message.payload.clone() else {
                 return;
             };
-            held.push((message, frame));
+            match sequence.still(frame) {
+                Ok(frame) => held.push((message, frame)),
+                Err(error) => {
+                    let topic = &index.topics[wanted].name;
+                    losses.push(loss(
+                        &index.path,
+                        topic,
+                        message.stamp_ns,
+                        error.to_string(),
+                    ));
+                }
+            }
             if held.len() == PICTURES_AT_ONCE && acted.is_ok() {
                 acted = act(&held, &mut losses);
                 held.clear();

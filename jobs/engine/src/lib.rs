@@ -14,6 +14,7 @@ pub mod error;
 pub mod evaluate;
 pub mod explain;
 pub mod export;
+pub mod frames;
 pub mod init;
 pub mod inspect;
 pub mod logs;

@@ -6,12 +6,13 @@
 //! its own, so that of several workers some always decode while others infer.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
-use tilefold_formats::log::LogReader;
-use tilefold_formats::picture;
+use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
+use tilefold_formats::picture::{self, KEY_FRAME_NS, Sequence};
 use tilefold_onnx::{Device, Library, Model, Network, OnnxError};
 use tilefold_schemas::log::{CameraFrame, LogMessage, Payload};
 use tilefold_schemas::observation::ObservationFrame;
@@ -171,6 +172,16 @@ pub(crate) fn look(
     all
 }
 
+/// The times to read of a log so that the pictures of a range can be decoded.
+pub(crate) fn from_key_frame(log: &LogIndex, range: &Range<i64>) -> Range<i64> {
+    let is_video = |(_, topic): (usize, &Topic)| topic.schema_name.ends_with("CompressedVideo");
+    let before_ns = match log.topics_of(TopicKind::Image).any(is_video) {
+        true => KEY_FRAME_NS,
+        false => 0,
+    };
+    range.start.saturating_sub(before_ns)..range.end
+}
+
 /// Looks at the pictures of one window of one camera.
 fn look_at(
     perception: &Perception,
@@ -183,29 +194,39 @@ fn look_at(
     let range = from_ns.saturating_sub(MAX_CLOCK_GAP_NS)..to_ns.saturating_add(MAX_CLOCK_GAP_NS);
     let mut seen: BTreeMap<(i64, i64), Result<ObservationFrame, ()>> = BTreeMap::new();
     let mut set_aside = Vec::new();
-    let is_theirs = |log: &&tilefold_formats::log::LogIndex| {
+    let is_theirs = |log: &&LogIndex| {
         vehicle_of(log) == eye.0 && log.start_ns < range.end && log.end_ns >= range.start
     };
     for log in catalogue.logs.iter().filter(is_theirs) {
         let file = log.path.display().to_string();
         let mut losses = Vec::new();
+        let mut sequence = Sequence::default();
         let sink = |message: LogMessage| {
             let key = (message.stamp_ns, catalogue.seen_digest(message.digest));
             let is_new = window_of(message.stamp_ns) == window && !seen.contains_key(&key);
-            let Payload::Image(frame) = &message.payload else {
+            let Payload::Image(frame) = message.payload else {
                 return;
             };
+            // Later frames of a video build on this one, wanted or not.
+            let is_needed = is_new || matches!(frame, CameraFrame::Video(_));
+            if !is_needed {
+                return;
+            }
+            let still = sequence.still(frame).map_err(|error| error.to_string());
             if !is_new {
                 return;
             }
-            let look = perception.look(frame, meter).map_err(|reason| {
-                let loss = SetAside::new(SetAsideKind::Frame, &file, reason);
-                losses.push(loss.on(&eye.1).when(message.stamp_ns));
-            });
+            let look = still
+                .and_then(|still| perception.look(&still, meter))
+                .map_err(|reason| {
+                    let loss = SetAside::new(SetAsideKind::Frame, &file, reason);
+                    losses.push(loss.on(&eye.1).when(message.stamp_ns));
+                });
             seen.insert(key, look);
         };
         // What is lost of the log itself was said when it was read for its stamps.
-        let read = LogReader::new().read(log, |_, topic| topic.name == eye.1, range.clone(), sink);
+        let is_theirs = |_, topic: &Topic| topic.name == eye.1;
+        let read = LogReader::new().read(log, is_theirs, from_key_frame(log, &range), sink);
         if let Err(error) = read {
             losses.push(SetAside::new(SetAsideKind::File, &file, error.to_string()));
         }

@@ -6,6 +6,8 @@
 mod png;
 mod svg;
 
+pub(crate) use png::over;
+
 use std::io;
 use std::path::{Path, PathBuf};
 

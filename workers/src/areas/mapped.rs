@@ -6,7 +6,6 @@ use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
 use super::shape;
 use crate::local_map::degrees_around;
-use crate::pose::Pose;
 
 /// A sign is read by who drives within this of its direction (cosine of 45 degrees).
 const READABLE_COS: f64 = 0.707;
@@ -74,12 +73,4 @@ fn local<'a>(mapped: &'a MappedElement, frame: &LocalFrame) -> Option<LocalArea<
         along: (length > 1e-6).then(|| [east / length, north / length])?,
         points_m,
     })
-}
-
-/// A place of the chunk's plane in the vehicle frame.
-#[must_use]
-pub fn vehicle_from_local(pose: &Pose, [east, north]: [f64; 2]) -> [f64; 2] {
-    let (sin, cos) = pose.yaw_rad.sin_cos();
-    let (dx, dy) = (east - pose.east_m, north - pose.north_m);
-    [cos * dx + sin * dy, -sin * dx + cos * dy]
 }

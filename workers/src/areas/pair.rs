@@ -3,7 +3,7 @@
 use tilefold_schemas::SignClass;
 
 use super::Glimpse;
-use super::mapped::{LocalArea, vehicle_from_local};
+use super::mapped::LocalArea;
 use super::seen::SeenArea;
 
 /// How far off its map place an area may be seen, in metres along the way: receivers err by this much.
@@ -49,7 +49,7 @@ pub fn pair_areas(glimpse: &Glimpse<'_>, mapped: &[LocalArea<'_>]) -> Vec<Pair> 
         return Vec::new();
     }
     for (index, local) in mapped.iter().enumerate() {
-        let place = vehicle_from_local(&glimpse.look.pose, local.centre_m);
+        let place = glimpse.look.pose.vehicle_from_local(local.centre_m);
         for (seen, area) in glimpse.areas.iter().enumerate() {
             let pair = Pair {
                 seen,
@@ -86,7 +86,7 @@ pub fn is_aside(
     local: &LocalArea<'_>,
     gate_m: f64,
 ) -> bool {
-    let [x, y] = vehicle_from_local(&glimpse.look.pose, local.centre_m);
+    let [x, y] = glimpse.look.pose.vehicle_from_local(local.centre_m);
     let left_m = area.centre_m[1] + glimpse.registration.offset_m - y;
     area.kind == local.mapped.element.kind
         && (area.centre_m[0] - x).abs() <= ALONG_GATE_M

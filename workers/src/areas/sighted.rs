@@ -6,7 +6,7 @@ use tilefold_schemas::{ElementKind, Footprint, Sighting, fixed, wkb};
 use tilefold_tiler::tile::{TileError, tile_of};
 
 use super::along::{Drift, along_sigma_m};
-use super::mapped::{LocalArea, vehicle_from_local};
+use super::mapped::LocalArea;
 use super::pair::{ACROSS_GATE_M, ALONG_GATE_M, LANES_GATE_M, Pair, is_aside};
 use super::seen::SeenArea;
 use super::zone::AreaZone;
@@ -136,7 +136,7 @@ fn is_explained(
         if is_alone && is_aside(glimpse, area, local, LANES_GATE_M) {
             return true;
         }
-        let [x, y] = vehicle_from_local(&glimpse.look.pose, local.centre_m);
+        let [x, y] = glimpse.look.pose.vehicle_from_local(local.centre_m);
         let left_m = area.centre_m[1] + glimpse.registration.offset_m - y;
         (area.centre_m[0] - x).abs() <= ALONG_GATE_M && left_m.abs() <= ACROSS_GATE_M
     })

@@ -7,7 +7,7 @@ use tilefold_schemas::{ChunkId, ElementKind, EvidenceRow, fixed};
 
 use super::Glimpse;
 use super::along::{Ahead, Drift, along_sigma_m};
-use super::mapped::{LocalArea, vehicle_from_local};
+use super::mapped::LocalArea;
 use super::pair::{LANE_GATE_M, Pair, is_aside, is_other_class};
 use super::zone::AreaZone;
 use crate::matching::IN_PLACE_M;
@@ -130,7 +130,7 @@ fn corners<'a>(
     ahead: Ahead,
 ) -> impl Iterator<Item = [f64; 2]> + 'a {
     local.points_m.iter().map(move |&point| {
-        let [x, y] = vehicle_from_local(&glimpse.look.pose, point);
+        let [x, y] = glimpse.look.pose.vehicle_from_local(point);
         [x - ahead.offset_m, y - glimpse.registration.offset_m]
     })
 }

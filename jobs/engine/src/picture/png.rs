@@ -1,11 +1,14 @@
-//! Pictures as PNG, at two pixels a pixel.
+//! Pictures as PNG, at two pixels a pixel, or over a photograph.
 
 use std::io;
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use tiny_skia::{
-    Color, FillRule, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
+    Color, FillRule, IntSize, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash,
+    Transform,
 };
+
+use tilefold_schemas as schemas;
 
 use super::{AREA_OPACITY, Anchor, DASH, GREY, Picture, Rgb, Shape};
 
@@ -22,14 +25,28 @@ pub(super) fn png(picture: &Picture) -> io::Result<Vec<u8>> {
     let size = |pixels: u32| (pixels as f32 * SCALE) as u32;
     let mut pixmap = Pixmap::new(size(picture.width), size(picture.height))
         .ok_or_else(|| io::Error::other("a picture without pixels"))?;
+    let scale = Transform::from_scale(SCALE, SCALE);
     for shape in &picture.shapes {
-        draw(&mut pixmap, shape);
+        draw(&mut pixmap, shape, scale);
     }
     pixmap.encode_png().map_err(io::Error::other)
 }
 
-fn draw(pixmap: &mut Pixmap, shape: &Shape) {
-    let scale = Transform::from_scale(SCALE, SCALE);
+/// Shapes over a photograph, at its own size. Places are of its pixels, the centre of the first of
+/// which is (0, 0).
+pub(crate) fn over(photograph: &schemas::Picture, shapes: &[Shape]) -> io::Result<Vec<u8>> {
+    let none = || io::Error::other("a picture without pixels");
+    let size = IntSize::from_wh(photograph.width_px, photograph.height_px).ok_or_else(none)?;
+    let pixels = photograph.rgb.chunks_exact(3);
+    let rgba = pixels.flat_map(|pixel| [pixel[0], pixel[1], pixel[2], u8::MAX]);
+    let mut pixmap = Pixmap::from_vec(rgba.collect(), size).ok_or_else(none)?;
+    for shape in shapes {
+        draw(&mut pixmap, shape, Transform::from_translate(0.5, 0.5));
+    }
+    pixmap.encode_png().map_err(io::Error::other)
+}
+
+fn draw(pixmap: &mut Pixmap, shape: &Shape, scale: Transform) {
     match shape {
         Shape::Line {
             points,
@@ -60,7 +77,7 @@ fn draw(pixmap: &mut Pixmap, shape: &Shape) {
                 fill(pixmap, &path, &paint(*color, 1.0), scale);
             }
         }
-        Shape::Text { at, text, anchor } => write(pixmap, *at, text, *anchor),
+        Shape::Text { at, text, anchor } => write(pixmap, scale, *at, text, *anchor),
     }
 }
 
@@ -96,7 +113,7 @@ fn paint(color: Rgb, opacity: f64) -> Paint<'static> {
 }
 
 /// Words, glyph by glyph; characters that the font lacks are left blank.
-fn write(pixmap: &mut Pixmap, at: [f64; 2], text: &str, anchor: Anchor) {
+fn write(pixmap: &mut Pixmap, scale: Transform, at: [f64; 2], text: &str, anchor: Anchor) {
     let advance = get_raster_width(WEIGHT, HEIGHT);
     let length = (advance * text.chars().count()) as f64;
     let before = match anchor {
@@ -104,8 +121,8 @@ fn write(pixmap: &mut Pixmap, at: [f64; 2], text: &str, anchor: Anchor) {
         Anchor::Middle => 0.5 * length,
         Anchor::End => length,
     };
-    let left = (at[0] * f64::from(SCALE) - before).round() as i64;
-    let top = (at[1] * f64::from(SCALE)).round() as i64 - ASCENT as i64;
+    let left = (at[0] * f64::from(scale.sx) - before).round() as i64;
+    let top = (at[1] * f64::from(scale.sy)).round() as i64 - ASCENT as i64;
     for (index, character) in text.chars().enumerate() {
         let Some(glyph) = get_raster(character, WEIGHT, HEIGHT) else {
             continue;
