@@ -12,12 +12,16 @@ mod cut;
 mod error;
 mod flatgeobuf;
 mod geoparquet;
+mod map_tiles;
 mod pmtiles;
 mod scene;
 mod vector_tile;
 
+pub use self::cut::Address;
 pub use self::error::ExportError;
 pub use self::flatgeobuf::write_flatgeobuf;
+
 pub use self::geoparquet::write_geoparquet;
+pub use self::map_tiles::{FIRST_ZOOM, MapTiles};
 pub use self::pmtiles::{MAX_ZOOM, MIN_MAP_ZOOM, MIN_ZOOM, write_pmtiles};
 pub use self::scene::{Scene, write_scene};

@@ -10,7 +10,7 @@ use tilefold_schemas::{ElementKind, Verdict};
 
 pub use read::{MAX_CHANGES_BYTES, read_changes, read_changes_file};
 pub use regions::write_regions;
-pub use write::write_changes;
+pub use write::{Reviewed, write_changes, write_reviewed};
 pub(crate) use write::{closed_ring, utc};
 
 /// The shape of a change's geometry.

@@ -48,6 +48,15 @@ pub const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "tilefold-review",
+        &[
+            "tilefold-schemas",
+            "tilefold-formats",
+            "tilefold-store",
+            "tilefold-engine",
+        ],
+    ),
+    (
         "tilefold",
         &[
             "tilefold-schemas",
@@ -58,6 +67,7 @@ pub const ALLOWED: &[(&str, &[&str])] = &[
             "tilefold-onnx",
             "tilefold-reducers",
             "tilefold-engine",
+            "tilefold-review",
             "tilefold-city",
         ],
     ),

@@ -1,11 +1,13 @@
 //! `cargo xtask demo`: sets up what is missing, builds the program, runs its demo.
 //!
-//! The demo looks at pictures with our own network. Where ONNX Runtime cannot be had, it says so and
-//! shows a city of detections instead.
+//! The demo looks at pictures with our own network, and ends with the review page. Where ONNX Runtime
+//! cannot be had, it says so and shows a city of detections instead; where the page's map library
+//! cannot, it goes without the page.
 
 use std::path::Path;
 
 use crate::command::{Failure, Step};
+use crate::map_library;
 use crate::setup;
 
 /// The card of our own network.
@@ -13,7 +15,10 @@ const CARD: &str = "workers/onnx/cards/tilefold_lines.toml";
 
 /// Builds and runs the demo; what it prints is passed through, and so is its exit code.
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
-    let detector = match setup::run(root) {
+    if let Err(failure) = map_library::run(root) {
+        eprintln!("xtask: {failure}\nxtask: the demo goes on without the review page");
+    }
+    let detector = match setup::onnxruntime(root) {
         Ok(()) => vec!["--detector".to_owned(), CARD.to_owned()],
         Err(failure) => {
             eprintln!("xtask: {failure}\nxtask: the demo goes on without pictures");

@@ -9,6 +9,8 @@ mod command;
 mod demo;
 mod histories;
 mod lints;
+mod map_library;
+mod page_test;
 mod python;
 mod s3;
 mod setup;
@@ -22,7 +24,8 @@ use command::{Failure, workspace_root};
 const HELP: &str = "\
 cargo xtask WORD [ARGUMENT...]
 
-  setup           fetches ONNX Runtime into .ort/ (`test` does so itself)
+  setup           fetches ONNX Runtime into .ort/, and MapLibre GL JS for the review page into
+                  .maplibre/ (`demo` and `test` do so themselves)
   demo [ARG...]   builds `tilefold` for release and runs `tilefold demo ARG...`
   test [ARG...]   runs every test of the workspace, then the examples in its documentation;
                   ARG... goes to the test runner (a name to filter by, for instance)
@@ -31,6 +34,7 @@ cargo xtask WORD [ARGUMENT...]
   cluster-test [ARG...]
                   the wheel and its runners: Ray on three nodes of which some die, Spark (from PyPI);
                   ARG... goes to pytest; `test` runs it too
+  page-test       the review page in headless Chromium (Playwright from PyPI); `test` runs it too
   ci-lints        format, clippy, documentation and the book, with every warning an error
   docs            builds the book (docs/book) and the API documentation (target/doc)
 ";
@@ -61,6 +65,7 @@ fn dispatch(word: &str, arguments: &[String]) -> Result<(), Failure> {
         "histories" => histories::run(&root, arguments),
         "s3-test" => without_arguments(word, arguments).and_then(|()| s3::run(&root)),
         "cluster-test" => cluster::run(&root, arguments),
+        "page-test" => page_test::run(&root, arguments),
         "ci-lints" => without_arguments(word, arguments).and_then(|()| lints::run(&root)),
         "docs" => without_arguments(word, arguments).and_then(|()| book::run(&root)),
         _ => Err(Failure::usage(format!(

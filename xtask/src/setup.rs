@@ -1,4 +1,5 @@
-//! `cargo xtask setup`: fetches ONNX Runtime into `.ort/`, where the program and its tests look.
+//! `cargo xtask setup`: fetches ONNX Runtime into `.ort/`, where the program and its tests look, and
+//! the map library of the review page into `.maplibre/`.
 //!
 //! The library is taken out of the wheel on PyPI, whose hash is pinned; nothing of Python is
 //! installed. A library that is there already is left alone.
@@ -7,6 +8,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::command::{Failure, Step};
+use crate::map_library;
 
 /// Version of ONNX Runtime.
 const VERSION: &str = "1.31.1";
@@ -18,6 +20,15 @@ const NO_PIP: &str =
 
 /// Fetches what is lacking.
 pub(crate) fn run(root: &Path) -> Result<(), Failure> {
+    onnxruntime(root)?;
+    map_library::run(root)
+}
+
+/// Fetches ONNX Runtime, if it is not there.
+///
+/// # Errors
+/// There is none for this machine, or PyPI is out of reach.
+pub(crate) fn onnxruntime(root: &Path) -> Result<(), Failure> {
     let folder = root.join(".ort");
     let library = folder.join(format!("libonnxruntime.so.{VERSION}"));
     if library.is_file() {

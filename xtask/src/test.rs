@@ -1,5 +1,5 @@
 //! `cargo xtask test`: every test of the workspace, and every example in its documentation; without
-//! arguments also those that need an S3 server, and those of the wheel and its clusters.
+//! arguments also those that need an S3 server, a cluster or a browser.
 //!
 //! ONNX Runtime is set up first: its tests fail where it is not. Tests on real data look for it themselves and say so where they are skipped.
 
@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::cluster;
 use crate::command::{Failure, Step};
+use crate::page_test;
 use crate::s3;
 use crate::setup;
 
@@ -29,6 +30,7 @@ pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     if arguments.is_empty() {
         s3::run(root)?;
         cluster::run(root, &[])?;
+        page_test::run(root, &[])?;
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ const BUFFER: f64 = 64.0 / 4096.0;
 const MAX_LATITUDE_DEG: f64 = 85.051_128;
 
 /// A tile: zoom, column from the west, row from the north.
-pub(super) type Address = (u8, u32, u32);
+pub type Address = (u8, u32, u32);
 
 /// A shape in sides of the whole world (x to the east, y to the south, both 0 to 1).
 #[derive(Debug, Clone)]
@@ -44,7 +44,7 @@ impl Shape {
     }
 
     /// What of it lies in a tile, with the buffer; none if nothing does.
-    fn within(&self, (zoom, column, row): Address) -> Option<Self> {
+    pub(super) fn within(&self, (zoom, column, row): Address) -> Option<Self> {
         let sides = side_count(zoom);
         let low = |index: u32| (f64::from(index) - BUFFER) / sides;
         let high = |index: u32| (f64::from(index) + 1.0 + BUFFER) / sides;

@@ -142,7 +142,7 @@ fn of_change(change: &Change<'_>) -> Vec<(&'static str, Property)> {
         .collect()
 }
 
-fn of_element(row: &ElementRow) -> Vec<(&'static str, Property)> {
+pub(super) fn of_element(row: &ElementRow) -> Vec<(&'static str, Property)> {
     let text = |name: Option<&str>| Property::Text(name.unwrap_or("unknown").to_owned());
     vec![
         ("element_id", Property::Integer(row.element)),

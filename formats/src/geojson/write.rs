@@ -19,10 +19,43 @@ use crate::export::change::Change;
 ///
 /// # Errors
 /// If a record has an unknown code or a geometry that is none, or `out` does not take the bytes.
-pub fn write_changes(records: &[ChangeRecord], out: &mut impl Write) -> Result<(), GeoJsonError> {
+pub fn write_changes(
+    records: &[ChangeRecord],
+    out: &mut (impl Write + ?Sized),
+) -> Result<(), GeoJsonError> {
+    write_reviewed(records, &|_| None, out)
+}
+
+/// What a reviewer decided of a change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reviewed<'a> {
+    /// `accept`, `reject` or `later`.
+    pub decision: &'a str,
+    /// Why.
+    pub note: &'a str,
+    /// Who.
+    pub reviewer: &'a str,
+    /// When, UTC.
+    pub at: &'a str,
+    /// Version of the store that was looked at.
+    pub version: i64,
+    /// What that version said.
+    pub verdict: &'a str,
+}
+
+/// As [`write_changes`]; features of changes that `reviewed` knows also have `review_decision`,
+/// `review_note`, `reviewer`, `reviewed_at`, `reviewed_version` and `reviewed_verdict`.
+///
+/// # Errors
+/// As [`write_changes`].
+pub fn write_reviewed<'a>(
+    records: &[ChangeRecord],
+    reviewed: &dyn Fn(i64) -> Option<Reviewed<'a>>,
+    out: &mut (impl Write + ?Sized),
+) -> Result<(), GeoJsonError> {
     out.write_all(b"{\"type\":\"FeatureCollection\",\"features\":[")?;
     for (index, record) in records.iter().enumerate() {
-        let feature = feature(record)?;
+        let feature = feature(record, reviewed(record.change))?;
         let separator = if index == 0 { "\n" } else { ",\n" };
         out.write_all(separator.as_bytes())?;
         out.write_all(feature.as_bytes())?;
@@ -31,9 +64,17 @@ pub fn write_changes(records: &[ChangeRecord], out: &mut impl Write) -> Result<(
     Ok(())
 }
 
-fn feature(record: &ChangeRecord) -> Result<String, GeoJsonError> {
+fn feature(record: &ChangeRecord, reviewed: Option<Reviewed<'_>>) -> Result<String, GeoJsonError> {
     let change = Change::of(record)?;
-    let properties = properties(&change);
+    let mut properties = properties(&change);
+    if let Some(reviewed) = reviewed {
+        properties["review_decision"] = reviewed.decision.into();
+        properties["review_note"] = reviewed.note.into();
+        properties["reviewer"] = reviewed.reviewer.into();
+        properties["reviewed_at"] = reviewed.at.into();
+        properties["reviewed_version"] = reviewed.version.into();
+        properties["reviewed_verdict"] = reviewed.verdict.into();
+    }
     let geometry = geometry(change.geometry);
     Ok(format!(
         "{{\"type\":\"Feature\",\"id\":\"{:016x}\",\"properties\":{properties},\"geometry\":{geometry}}}",

@@ -81,6 +81,8 @@ pub(crate) enum Format {
     Lanelet2,
     /// The changes of the map as an OsmChange; takes `--map`.
     Osc,
+    /// The review page as a folder that opens without a server; takes `--out`.
+    Html,
 }
 
 impl Format {
@@ -318,6 +320,12 @@ pub(crate) enum Command {
     /// Writes the changes of a version, to standard output if no file is named; `--format` says in
     /// which form (GeoJSON if it says none).
     Export(Export),
+    /// Serves the review page: the changes on a map, why each is claimed, and what a reviewer decides.
+    /// Runs until it is stopped.
+    Serve(Serving),
+    /// Keeps what a reviewer says of a change, as the review page does; or takes the decisions that
+    /// a review page without a server saved.
+    Decide(Deciding),
     /// Scores a version against known changes.
     Evaluate {
         /// The store.
@@ -491,12 +499,91 @@ pub(crate) struct Export {
     /// Also what did not change and what is unknown; not for maps.
     #[arg(long)]
     pub all: bool,
+    /// Only what a reviewer accepted, whatever its posterior and vehicles.
+    #[arg(long, conflicts_with_all = ["all", "threshold", "min_vehicles"])]
+    pub accepted: bool,
+    /// File of the reviewers' decisions; `decisions.jsonl` in the store if not given.
+    #[arg(long, value_name = "FILE")]
+    pub decisions: Option<PathBuf>,
+}
+
+/// What `serve` serves, and where.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Serving {
+    /// The store.
+    pub store: PathBuf,
+    /// Version that the page opens with, by number or as of a time; the latest if not given.
+    #[arg(long, visible_alias = "as-of", value_parser = at)]
+    pub version: Option<At>,
+    /// Address to listen on. Any other than this machine's own lets everybody there look and decide.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
+    pub bind: std::net::IpAddr,
+    /// Port; 0 takes a free one.
+    #[arg(long, default_value_t = 7878)]
+    pub port: u16,
+    /// Name under which this machine may be asked, besides `localhost` and its addresses.
+    #[arg(long, value_name = "NAME")]
+    pub host: Vec<String>,
+    /// File that keeps the decisions; `decisions.jsonl` in the store if not given. A store in a
+    /// bucket has no place for it: name one.
+    #[arg(long, value_name = "FILE")]
+    pub decisions: Option<PathBuf>,
+}
+
+/// What `decide` keeps.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Deciding {
+    /// The store.
+    pub store: PathBuf,
+    /// The change (16 hexadecimal digits).
+    #[arg(required_unless_present = "from", requires = "say")]
+    pub change: Option<String>,
+    /// What is said of it.
+    #[arg(value_enum, conflicts_with = "from")]
+    pub say: Option<Say>,
+    /// Why.
+    #[arg(long, default_value = "")]
+    pub note: String,
+    /// Who says so.
+    #[arg(long, env = "TILEFOLD_REVIEWER", default_value = "")]
+    pub reviewer: String,
+    /// Takes every decision of a file that a review page saved.
+    #[arg(long, value_name = "FILE", conflicts_with = "change")]
+    pub from: Option<PathBuf>,
+    /// File of the reviewers' decisions; `decisions.jsonl` in the store if not given.
+    #[arg(long, value_name = "FILE")]
+    pub decisions: Option<PathBuf>,
+}
+
+/// What a reviewer says of a change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Say {
+    /// It is so: the map is to be changed.
+    Accept,
+    /// It is not so.
+    Reject,
+    /// Not to be said yet.
+    Later,
+    /// What was said before is taken back.
+    Undo,
 }
 
 impl Export {
+    /// Whether some of the changes are asked for.
+    fn chooses(&self) -> bool {
+        self.all || self.accepted || self.threshold.is_some() || self.min_vehicles.is_some()
+    }
+
     /// Ends the process where the options do not go together.
     fn check(&self, format: Format) {
+        let is_page = format == Format::Html;
         let why = match (format.is_map(), &self.map, self.all) {
+            _ if is_page && self.out.is_none() => {
+                "the review page is a folder: name it with --out FOLDER"
+            }
+            _ if is_page && self.chooses() => {
+                "the review page has every change; choose on it, or export another form"
+            }
             (true, None, _) => "this form needs the map that the store was made from: --map FILE",
             (true, _, true) => "--all is not for maps: only changes go into one",
             (false, Some(_), _) => "--map is for `--format lanelet2` and `--format osc`",

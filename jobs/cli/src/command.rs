@@ -20,7 +20,7 @@ use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
     calibration, compare, demo, detect, evaluation, explanation, export, inspect, progress, rebase,
-    reference, regions, retract, simulate, table, vacuum,
+    reference, regions, retract, review, simulate, table, vacuum,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -110,6 +110,8 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
         Command::Verify { store, version } => verify(args, store, *version),
         Command::Compare(asked) => compare::compare(args, asked),
         Command::Export(asked) => export::export(args, asked),
+        Command::Serve(asked) => review::serve_page(args, asked),
+        Command::Decide(asked) => review::decide(args, asked),
         Command::Evaluate {
             store,
             truth,

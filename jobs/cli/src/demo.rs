@@ -7,12 +7,14 @@ use tilefold_city::{CitySpec, LogProfile, Site};
 use tilefold_engine::evaluate::Options;
 use tilefold_engine::frames::{self, Sources};
 use tilefold_engine::{FusionModel, InitOptions, Perception, RunOptions, explain};
+use tilefold_review::ReviewError;
 use tilefold_schemas::{ChangeRecord, Verdict};
 use tilefold_store::{Snapshot, Store, TileFilter};
 
 use crate::args::Args;
 use crate::command::{Asked, init_store, run_logs, score};
 use crate::report::Outcome;
+use crate::review;
 
 /// Makes the city, runs the job on it and scores both folds. With `perception`, the vehicles have
 /// cameras, and the surest change is shown in the frames that say most about it.
@@ -66,7 +68,26 @@ pub(crate) fn demo(
         report.join("overview.svg").display(),
         store.display()
     );
+    point_to_page(&store, &out.join("review"))?;
     Ok(outcome)
+}
+
+/// Writes the review page beside the store and says how to open it. Without its map library the demo
+/// is whole all the same.
+fn point_to_page(store: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
+    if folder.exists() {
+        std::fs::remove_dir_all(folder)?;
+    }
+    match review::write_page_of(store, folder) {
+        Ok(report) => eprintln!(
+            "the review page is {}: open it in a browser; or, to keep what you decide with the store, run `tilefold serve {}`",
+            report.page.display(),
+            store.display()
+        ),
+        Err(ReviewError::NoMapLibrary) => eprintln!("{}", ReviewError::NoMapLibrary),
+        Err(error) => return Err(error.into()),
+    }
+    Ok(())
 }
 
 fn city(seed: u64, has_cameras: bool) -> CitySpec {

@@ -7,12 +7,15 @@ use std::path::Path;
 
 use tilefold_engine::Criteria;
 use tilefold_engine::export::{Amendment, Choice, View, chosen, write_amended, write_view};
-use tilefold_schemas::ChangeRecord;
+use tilefold_formats::geojson::write_reviewed;
+use tilefold_review::{Decisions, Said};
+use tilefold_schemas::{ChangeRecord, Verdict};
 use tilefold_store::Snapshot;
 
 use crate::args::{Args, Export, Format};
 use crate::at::open;
 use crate::report::{Outcome, print_set_aside};
+use crate::review;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -28,6 +31,10 @@ const SHOWN: Criteria = Criteria {
 /// The store cannot be read, or the file not be written.
 pub(crate) fn export(args: &Args, asked: &Export) -> Result<Outcome> {
     let snapshot = open(&asked.store, asked.version)?;
+    if args.format == Format::Html {
+        return review::write_page(args, &snapshot, asked);
+    }
+    let decisions = review::decisions(&asked.store, asked.decisions.as_deref())?;
     let amendment = match args.format {
         Format::Lanelet2 => Some(Amendment::Lanelet2),
         Format::Osc => Some(Amendment::Osc),
@@ -41,15 +48,39 @@ pub(crate) fn export(args: &Args, asked: &Export) -> Result<Outcome> {
         threshold: asked.threshold.unwrap_or(usual.threshold),
         min_vehicles: asked.min_vehicles.unwrap_or(usual.min_vehicles),
     };
-    let choice = match asked.all {
+    let choice = match asked.all || asked.accepted {
         true => Choice::All,
         false => Choice::Claims(criteria),
     };
-    let records = chosen(&snapshot, choice)?;
+    let mut records = chosen(&snapshot, choice)?;
+    if asked.accepted {
+        records.retain(|record| is_accepted(record, &decisions));
+    }
     match (amendment, &asked.map) {
         (Some(form), Some(map)) => amend(&snapshot, records, map, form, asked.out.as_deref()),
-        _ => show(&snapshot, &records, view(args.format), asked),
+        _ if view(args.format) == View::GeoJson => show(asked, &records, View::GeoJson, |out| {
+            write_reviewed(&records, &|id| review::said(&decisions, id), out)?;
+            Ok(0)
+        }),
+        _ => show(asked, &records, view(args.format), |mut out| {
+            Ok(write_view(
+                &snapshot,
+                &records,
+                view(args.format),
+                &mut out,
+            )?)
+        }),
     }
+}
+
+/// Whether a reviewer accepted what the record still says.
+fn is_accepted(record: &ChangeRecord, decisions: &Decisions) -> bool {
+    let verdict = Verdict::from_code(record.verdict);
+    decisions.of(record.change).is_some_and(|decision| {
+        decision.decision == Said::Accept
+            && verdict
+                .is_some_and(|verdict| verdict.is_change() && verdict.name() == decision.verdict)
+    })
 }
 
 fn amend(
@@ -87,19 +118,19 @@ fn view(format: Format) -> View {
 }
 
 fn show(
-    snapshot: &Snapshot,
+    asked: &Export,
     records: &[ChangeRecord],
     view: View,
-    asked: &Export,
+    write: impl Fn(&mut (dyn Write + Send)) -> Result<usize>,
 ) -> Result<Outcome> {
     let without = match asked.out.as_deref() {
-        Some(path) => to_file(path, |out| Ok(write_view(snapshot, records, view, out)?))?,
+        Some(path) => to_file(path, |out| write(out))?,
         None => {
             let mut out = std::io::stdout();
             if view != View::GeoJson && out.is_terminal() {
                 return Err("this form is no text: name a file with --out".into());
             }
-            write_view(snapshot, records, view, &mut out)?
+            write(&mut out)?
         }
     };
     if let Some(path) = &asked.out {

@@ -17,6 +17,7 @@ mod reference;
 mod regions;
 mod report;
 mod retract;
+mod review;
 mod simulate;
 mod table;
 mod vacuum;

@@ -5,6 +5,7 @@
 //! explanation says so.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::Serialize;
 use tilefold_reducers::explain::{Explained, Weight};
@@ -155,14 +156,7 @@ pub struct Frame {
 /// # Errors
 /// The store is damaged, or knows nothing of that id.
 pub fn explain(snapshot: &Snapshot, id: &str) -> Result<Vec<Explanation>, EngineError> {
-    let records: Vec<ChangeRecord> = snapshot.read(TileFilter::All)?;
-    let asked: Vec<&ChangeRecord> = records.iter().filter(|record| is(record, id)).collect();
-    if asked.is_empty() {
-        return Err(unknown(snapshot, &records, id));
-    }
-    let subject = Subject::read(snapshot, &records)?;
-    let explained = asked.into_iter().map(|stored| subject.explain(stored));
-    explained.collect()
+    Explainer::read(snapshot)?.explain(id)
 }
 
 fn is(record: &ChangeRecord, id: &str) -> bool {
@@ -206,23 +200,33 @@ fn unknown(snapshot: &Snapshot, records: &[ChangeRecord], id: &str) -> EngineErr
     }
 }
 
-/// All that is needed to fold a record once more.
-struct Subject<'a> {
-    snapshot: &'a Snapshot,
-    records: &'a [ChangeRecord],
+/// A version, read once to explain many of its records: the map and the records are kept, and so
+/// are the candidates once they have been folded.
+#[derive(Debug)]
+pub struct Explainer {
+    snapshot: Snapshot,
+    records: Vec<ChangeRecord>,
     headers: BTreeMap<i32, LayerHeader>,
     map: MapIndex,
     tile_level: u32,
     chunks: Vec<ChunkRow>,
+    /// By the name of the fusion model.
+    additions: Mutex<BTreeMap<&'static str, Arc<Vec<Explained>>>>,
+    /// The ledger rows of the tile that was asked for last.
+    rows: Mutex<Option<(TileId, Arc<Vec<EvidenceRow>>)>>,
 }
 
-impl<'a> Subject<'a> {
-    fn read(snapshot: &'a Snapshot, records: &'a [ChangeRecord]) -> Result<Self, EngineError> {
+impl Explainer {
+    /// Reads a version.
+    ///
+    /// # Errors
+    /// The store is damaged.
+    pub fn read(snapshot: &Snapshot) -> Result<Self, EngineError> {
         let tile_level = u32::from(snapshot.store().properties().tile_level);
         let headers: Vec<LayerHeader> = snapshot.read(TileFilter::All)?;
         Ok(Self {
-            snapshot,
-            records,
+            snapshot: snapshot.clone(),
+            records: snapshot.read(TileFilter::All)?,
             headers: headers
                 .into_iter()
                 .map(|header| (header.tile, header))
@@ -230,7 +234,24 @@ impl<'a> Subject<'a> {
             map: MapIndex::new(read_elements(snapshot, tile_level)?),
             tile_level,
             chunks: snapshot.read(TileFilter::All)?,
+            additions: Mutex::default(),
+            rows: Mutex::default(),
         })
+    }
+
+    /// As [`explain()`].
+    ///
+    /// # Errors
+    /// The store is damaged, or knows nothing of that id.
+    pub fn explain(&self, id: &str) -> Result<Vec<Explanation>, EngineError> {
+        let asked = self.records.iter().filter(|record| is(record, id));
+        let explained: Vec<Explanation> = asked
+            .map(|stored| self.explain_record(stored))
+            .collect::<Result<_, _>>()?;
+        match explained.is_empty() {
+            true => Err(unknown(&self.snapshot, &self.records, id)),
+            false => Ok(explained),
+        }
     }
 
     /// How the layer with a record was folded.
@@ -243,11 +264,11 @@ impl<'a> Subject<'a> {
         let as_of_ns = self.snapshot.info().parameters.get(AS_OF);
         Ok(Fold {
             as_of_ns: as_of_ns.and_then(serde_json::Value::as_i64),
-            ..Fold::of_fleet(model, sensor_model(self.snapshot)?)
+            ..Fold::of_fleet(model, sensor_model(&self.snapshot)?)
         })
     }
 
-    fn explain(&self, stored: &ChangeRecord) -> Result<Explanation, EngineError> {
+    fn explain_record(&self, stored: &ChangeRecord) -> Result<Explanation, EngineError> {
         let fold = self.fold(stored)?;
         let (explained, flip) = match self.element(stored) {
             Some(mapped) => self.explain_element(mapped, stored, &fold)?,
@@ -270,9 +291,23 @@ impl<'a> Subject<'a> {
         mapped: &MappedElement,
         fold: &Fold,
     ) -> Result<Vec<EvidenceRow>, EngineError> {
-        let tiles = BTreeSet::from([mapped.tile]);
-        let mut rows: Vec<EvidenceRow> = self.snapshot.read(TileFilter::Tiles(&tiles))?;
-        rows.retain(|row| row.element == mapped.element.id.0 && fold.counts(row.first_ns));
+        let is_its =
+            |row: &&EvidenceRow| row.element == mapped.element.id.0 && fold.counts(row.first_ns);
+        let rows = self.rows_in(mapped.tile)?;
+        Ok(rows.iter().filter(is_its).cloned().collect())
+    }
+
+    /// Ledger rows of a tile. Who asks for the changes of one tile after the other reads each once.
+    fn rows_in(&self, tile: TileId) -> Result<Arc<Vec<EvidenceRow>>, EngineError> {
+        let mut kept = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((of, rows)) = &*kept
+            && *of == tile
+        {
+            return Ok(rows.clone());
+        }
+        let tiles = BTreeSet::from([tile]);
+        let rows = Arc::new(self.snapshot.read(TileFilter::Tiles(&tiles))?);
+        *kept = Some((tile, Arc::clone(&rows)));
         Ok(rows)
     }
 
@@ -300,7 +335,7 @@ impl<'a> Subject<'a> {
     }
 
     fn link(&self, explained: &mut Explained, fold: &Fold) -> Result<(), EngineError> {
-        let mut additions = self.additions(fold)?;
+        let additions = self.additions(fold)?;
         let mut left: Vec<ChangeRecord> =
             additions.iter().map(|added| added.record.clone()).collect();
         let mut linked = [explained.record.clone()];
@@ -308,14 +343,19 @@ impl<'a> Subject<'a> {
         let is_left = |added: &Explained| left.contains(&added.record);
         if let Some(index) = additions.iter().position(|added| !is_left(added)) {
             let [linked] = linked;
-            explained.link(linked, additions.remove(index));
+            explained.link(linked, additions[index].clone());
         }
         Ok(())
     }
 
     fn explain_addition(&self, stored: &ChangeRecord, fold: &Fold) -> Result<Folded, EngineError> {
         let is = |added: &Explained| added.record.change == stored.change;
-        let Some(explained) = self.additions(fold)?.into_iter().find(is) else {
+        let Some(explained) = self
+            .additions(fold)?
+            .iter()
+            .find(|added| is(added))
+            .cloned()
+        else {
             return Ok((None, None));
         };
         let passes = match explained.record.kind == ElementKind::LaneMarking.code() {
@@ -330,8 +370,22 @@ impl<'a> Subject<'a> {
         Ok((Some(explained), Some(flip)))
     }
 
-    /// All additions, as the reduce stage judges them.
-    fn additions(&self, fold: &Fold) -> Result<Vec<Explained>, EngineError> {
+    /// All additions, as the reduce stage judges them; folded once.
+    fn additions(&self, fold: &Fold) -> Result<Arc<Vec<Explained>>, EngineError> {
+        let name = fold.model.name();
+        let mut kept = self
+            .additions
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(additions) = kept.get(name) {
+            return Ok(additions.clone());
+        }
+        let additions = Arc::new(self.fold_additions(fold)?);
+        kept.insert(name, Arc::clone(&additions));
+        Ok(additions)
+    }
+
+    fn fold_additions(&self, fold: &Fold) -> Result<Vec<Explained>, EngineError> {
         let mut seen: Vec<Sighting> = self.snapshot.read(TileFilter::All)?;
         seen.retain(|seen| fold.counts(seen.first_ns));
         let mut looks: Vec<Footprint> = self.snapshot.read(TileFilter::All)?;

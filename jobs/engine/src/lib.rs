@@ -39,7 +39,7 @@ pub use accepted::Accepted;
 pub use calibrate::{Calibration, calibrate};
 pub use error::EngineError;
 pub use evaluate::{Criteria, Evaluation, evaluate};
-pub use explain::{Explanation, explain};
+pub use explain::{Explainer, Explanation, explain};
 pub use init::{InitOptions, InitReport, init};
 pub use meter::{Meter, Stage, StageReport};
 pub use perceive::Perception;
