@@ -150,7 +150,8 @@ fn the_map_is_drawn_on_the_paint() {
         perception: Some(&red),
     };
     let folder = scene.folder.path().join("frames");
-    let pictures = frames::write(&snapshot, &[frame.clone()], sources, &folder).unwrap();
+    let pictures =
+        frames::write(&snapshot, std::slice::from_ref(&frame), sources, &folder).unwrap();
     assert_eq!(pictures.set_aside, []);
     let paint = colored(&pictures.written[0], |[r, g, b]| {
         r > 150 && g < 90 && b < 90

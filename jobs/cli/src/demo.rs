@@ -78,14 +78,13 @@ fn point_to_page(store: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
     if folder.exists() {
         std::fs::remove_dir_all(folder)?;
     }
-    match review::write_page_of(store, folder) {
-        Ok(report) => eprintln!(
+    match review::write_page_of(store, folder)? {
+        Some(report) => eprintln!(
             "the review page is {}: open it in a browser; or, to keep what you decide with the store, run `tilefold serve {}`",
             report.page.display(),
             store.display()
         ),
-        Err(ReviewError::NoMapLibrary) => eprintln!("{}", ReviewError::NoMapLibrary),
-        Err(error) => return Err(error.into()),
+        None => eprintln!("{}", ReviewError::NoMapLibrary),
     }
     Ok(())
 }

@@ -78,16 +78,18 @@ pub(crate) fn write_page(args: &Args, snapshot: &Snapshot, asked: &Export) -> Re
     Ok(Outcome::Done)
 }
 
-/// Writes the page of a store's latest version as a folder.
+/// Writes the page of a store's latest version as a folder; none where the program was built without
+/// the page's map library.
 ///
 /// # Errors
 /// As [`write_page`].
-pub(crate) fn write_page_of(
-    store: &Path,
-    folder: &Path,
-) -> std::result::Result<FolderReport, ReviewError> {
+pub(crate) fn write_page_of(store: &Path, folder: &Path) -> Result<Option<FolderReport>> {
     let review = Review::open(Store::open(store.to_path_buf())?, None)?;
-    write_folder(&review, &Decisions::read(&store.join(FILE))?, folder)
+    match write_folder(&review, &Decisions::read(&store.join(FILE))?, folder) {
+        Ok(report) => Ok(Some(report)),
+        Err(ReviewError::NoMapLibrary) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// Keeps a decision, or those of a file.

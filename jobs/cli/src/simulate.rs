@@ -56,7 +56,6 @@ fn spec(wanted: &Simulation) -> Result<CitySpec, Box<dyn Error>> {
         },
         noise: wanted.noise.clone(),
         matching_truth: wanted.matching_truth,
-        ..CitySpec::default()
     })
 }
 
