@@ -34,7 +34,7 @@ class Trace:
 
     def __init__(self, browser, page):
         self.path = Path(tempfile.mkdtemp()) / "trace.json"
-        browser.start_tracing(page=page, path=self.path, categories=["devtools.timeline", "disabled-by-default-devtools.timeline.frame", "v8"])
+        browser.start_tracing(page=page, path=self.path, categories=["devtools.timeline", "disabled-by-default-devtools.timeline.frame"])
         self.browser, self.begun = browser, time.monotonic()
 
     def end(self):
