@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::command::{Failure, Step};
 use crate::python;
+use crate::test;
 
 /// What is installed beside the wheel.
 const REQUIREMENTS: &str = "xtask/cluster.txt";
@@ -18,9 +19,7 @@ const BY_HAND: &str = "Python 3.11 or later with venv and PyPI in reach are need
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     let folder = python::tool_folder(root, "cluster");
     let bin = environment(root, &folder)?;
-    // As `test` builds it, so that nothing is built twice.
-    Step::cargo(root, "build --workspace --bin tilefold")
-        .run("The compiler's own words are above")?;
+    test::build(root)?;
     install(root, &folder, &bin)?;
     let tests = root.join("jobs/python");
     Step::new(bin.join("mypy"), &tests)

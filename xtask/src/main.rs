@@ -33,7 +33,7 @@ cargo xtask WORD [ARGUMENT...]
   s3-test         stores in buckets, against moto's S3 server (from PyPI); `test` runs it too
   cluster-test [ARG...]
                   the wheel and its runners: Ray on three nodes of which some die, Spark (from PyPI);
-                  ARG... goes to pytest; `test` runs it too
+                  ARG... goes to pytest
   page-test       the review page in headless Chromium (Playwright from PyPI); `test` runs it too
   ci-lints        format, clippy, documentation and the book, with every warning an error
   docs            builds the book (docs/book) and the API documentation (target/doc)

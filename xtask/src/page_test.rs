@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use crate::command::{Failure, Step};
 use crate::map_library;
 use crate::python;
+use crate::test;
 
 /// The version of Playwright; the same as in `xtask/playwright.txt`.
 const PLAYWRIGHT: &str = "1.65.2";
@@ -28,7 +29,7 @@ const NO_BROWSER: &str =
 /// Builds the program with the page in it, and runs `tests/page/page_test.py`.
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     map_library::run(root)?;
-    Step::cargo(root, "build --workspace").run("Mend what the compiler says")?;
+    test::build(root)?;
     let driver = python::tool_folder(root, &format!("playwright-{PLAYWRIGHT}"));
     if !driver
         .join(format!("playwright-{PLAYWRIGHT}.dist-info"))

@@ -1,25 +1,30 @@
 //! `cargo xtask test`: every test of the workspace, and every example in its documentation; without
-//! arguments also those that need an S3 server, a cluster or a browser.
+//! arguments also those that need an S3 server or a browser. Those of the wheel and its clusters have a
+//! word of their own (`cluster-test`): they compile the workspace once more.
 //!
 //! ONNX Runtime is set up first: its tests fail where it is not. Tests on real data look for it themselves and say so where they are skipped.
 
 use std::path::Path;
 
-use crate::cluster;
 use crate::command::{Failure, Step};
 use crate::page_test;
 use crate::s3;
 use crate::setup;
 
-/// What the default build leaves out, and tests do not.
-const VIDEO: &str = "tilefold-formats/h264";
+/// What is tested: also what the default build leaves out.
+const ALL: [&str; 3] = ["--workspace", "--features", "tilefold-formats/h264"];
+
+/// The program as the tests have it, so that nothing is built twice for those that run it.
+pub(crate) fn build(root: &Path) -> Result<(), Failure> {
+    Step::cargo(root, "build --tests")
+        .args(ALL)
+        .run("Mend what the compiler says")
+}
 
 /// Runs the tests with cargo-nextest where it is installed, and else with `cargo test`.
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     setup::run(root)?;
-    let all = ["--workspace", "--features", VIDEO]
-        .into_iter()
-        .filter(|_| !names_package(arguments));
+    let all = ALL.into_iter().filter(|_| !names_package(arguments));
     let test = |words| Step::cargo(root, words).args(all.clone()).args(arguments);
     let tests = match Step::cargo(root, "nextest --version").output() {
         Some(_) => test("nextest run"),
@@ -29,7 +34,6 @@ pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     test("test --doc").run("The failing example is named above")?;
     if arguments.is_empty() {
         s3::run(root)?;
-        cluster::run(root, &[])?;
         page_test::run(root, &[])?;
     }
     Ok(())
