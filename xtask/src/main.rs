@@ -9,6 +9,7 @@ mod demo;
 mod histories;
 mod lints;
 mod python;
+mod readers;
 mod s3;
 mod setup;
 mod test;
@@ -27,6 +28,7 @@ cargo xtask WORD [ARGUMENT...]
                   ARG... goes to the test runner (a name to filter by, for instance)
   histories [N]   N random histories of small stores (5,000 if not given) against one plain job each
   s3-test         stores in buckets, against moto's S3 server (from PyPI); `test` runs it too
+  readers-test    tables as deltalake, DuckDB and GeoPandas (from PyPI) read them; `test` runs it too
   ci-lints        format, clippy, documentation and the book, with every warning an error
   docs            builds the book (docs/book) and the API documentation (target/doc)
 ";
@@ -56,6 +58,7 @@ fn dispatch(word: &str, arguments: &[String]) -> Result<(), Failure> {
         "test" => test::run(&root, arguments),
         "histories" => histories::run(&root, arguments),
         "s3-test" => without_arguments(word, arguments).and_then(|()| s3::run(&root)),
+        "readers-test" => without_arguments(word, arguments).and_then(|()| readers::run(&root)),
         "ci-lints" => without_arguments(word, arguments).and_then(|()| lints::run(&root)),
         "docs" => without_arguments(word, arguments).and_then(|()| book::run(&root)),
         _ => Err(Failure::usage(format!(

@@ -1,11 +1,13 @@
 //! `cargo xtask test`: every test of the workspace, and every example in its documentation; without
-//! arguments also those that need an S3 server.
+//! arguments also those that need an S3 server or readers of
+//! stores that are not ours.
 //!
 //! ONNX Runtime is set up first: its tests fail where it is not. Tests on real data look for it themselves and say so where they are skipped.
 
 use std::path::Path;
 
 use crate::command::{Failure, Step};
+use crate::readers;
 use crate::s3;
 use crate::setup;
 
@@ -24,6 +26,7 @@ pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     test("test --doc").run("The failing example is named above")?;
     if arguments.is_empty() {
         s3::run(root)?;
+        readers::run(root)?;
     }
     Ok(())
 }

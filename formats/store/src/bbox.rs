@@ -21,7 +21,7 @@ pub(crate) const BBOX: &str = "bbox";
 pub(crate) const CORNERS: [&str; 4] = ["xmin", "ymin", "xmax", "ymax"];
 
 /// West, south, east and north, in degrees.
-pub(crate) type Corners = [f64; 4];
+type Corners = [f64; 4];
 
 /// What GeoParquet's metadata say of the column.
 pub(crate) fn covering() -> Value {
@@ -107,17 +107,6 @@ pub(crate) fn nulls(rows: &RecordBatch) -> Option<Value> {
     let count = rows.column_by_name(BBOX)?.null_count();
     let corners = CORNERS.map(|name| (name.to_owned(), json!(count)));
     Some(corners.into_iter().collect::<Map<_, _>>().into())
-}
-
-/// The box around all rows of a file, from its statistics; none where they do not have one.
-pub(crate) fn of_file(statistics: &Value) -> Option<Corners> {
-    let corner = |which: &str, name: &str| statistics.get(which)?.get(BBOX)?.get(name)?.as_f64();
-    Some([
-        corner("minValues", "xmin")?,
-        corner("minValues", "ymin")?,
-        corner("maxValues", "xmax")?,
-        corner("maxValues", "ymax")?,
-    ])
 }
 
 fn corner_fields() -> Fields {
