@@ -12,6 +12,7 @@ mod lints;
 mod map_library;
 mod page_test;
 mod python;
+mod readers;
 mod s3;
 mod setup;
 mod test;
@@ -35,6 +36,7 @@ cargo xtask WORD [ARGUMENT...]
                   the wheel and its runners: Ray on three nodes of which some die, Spark (from PyPI);
                   ARG... goes to pytest
   page-test       the review page in headless Chromium (Playwright from PyPI); `test` runs it too
+  readers-test    tables as deltalake, DuckDB and GeoPandas (from PyPI) read them; `test` runs it too
   ci-lints        format, clippy, documentation and the book, with every warning an error
   docs            builds the book (docs/book) and the API documentation (target/doc)
 ";
@@ -66,6 +68,7 @@ fn dispatch(word: &str, arguments: &[String]) -> Result<(), Failure> {
         "s3-test" => without_arguments(word, arguments).and_then(|()| s3::run(&root)),
         "cluster-test" => cluster::run(&root, arguments),
         "page-test" => page_test::run(&root, arguments),
+        "readers-test" => without_arguments(word, arguments).and_then(|()| readers::run(&root)),
         "ci-lints" => without_arguments(word, arguments).and_then(|()| lints::run(&root)),
         "docs" => without_arguments(word, arguments).and_then(|()| book::run(&root)),
         _ => Err(Failure::usage(format!(

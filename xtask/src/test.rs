@@ -1,6 +1,7 @@
 //! `cargo xtask test`: every test of the workspace, and every example in its documentation; without
-//! arguments also those that need an S3 server or a browser. Those of the wheel and its clusters have a
-//! word of their own (`cluster-test`): they compile the workspace once more.
+//! arguments also those that need an S3 server, a browser, or readers of stores that are not ours.
+//! Those of the wheel and its clusters have a word of their own (`cluster-test`): they compile the
+//! workspace once more.
 //!
 //! ONNX Runtime is set up first: its tests fail where it is not. Tests on real data look for it themselves and say so where they are skipped.
 
@@ -8,6 +9,7 @@ use std::path::Path;
 
 use crate::command::{Failure, Step};
 use crate::page_test;
+use crate::readers;
 use crate::s3;
 use crate::setup;
 
@@ -35,6 +37,7 @@ pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     if arguments.is_empty() {
         s3::run(root)?;
         page_test::run(root, &[])?;
+        readers::run(root)?;
     }
     Ok(())
 }

@@ -17,6 +17,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use serde_json::{Map, Value, json};
 use tilefold_schemas::TileId;
 
+use crate::bbox::{self, BBOX};
 use crate::error::StoreError;
 use crate::geo;
 use crate::layout::{Layout, TILE};
@@ -30,7 +31,7 @@ const COARSE_LEVELS: u32 = 4;
 /// Written into each file in place of the library's version, which must not change the bytes.
 const CREATED_BY: &str = "tilefold";
 
-/// Columns whose smallest and largest values other readers may skip by.
+/// Columns of numbers whose smallest and largest values other readers may skip by; `bbox` is another.
 pub(crate) const STATISTICS: &[&str] = &[TILE, "xmin", "ymin", "xmax", "ymax"];
 
 /// A data file as the table's log knows it.
@@ -85,8 +86,9 @@ pub fn coarse(tile: TileId) -> TileId {
 
 /// Encodes sorted rows; the file's name follows from its bytes.
 pub(crate) fn encode(layout: &Layout, rows: &RecordBatch) -> Result<(DataFile, Bytes), StoreError> {
-    let bytes = to_parquet(layout, rows)
-        .map_err(|error| StoreError::encode("encode", layout.name, error))?;
+    let refuse = |error| StoreError::encode("encode", layout.name, error);
+    let rows = &with_boxes(layout, rows)?;
+    let bytes = to_parquet(layout, rows).map_err(refuse)?;
     let tiles = tile_range(layout, rows);
     let prefix = match tiles {
         Some((first, _)) => format!("tile-{}", coarse(first)),
@@ -101,6 +103,14 @@ pub(crate) fn encode(layout: &Layout, rows: &RecordBatch) -> Result<(DataFile, B
         statistics: statistics(rows).to_string(),
     };
     Ok((file, bytes))
+}
+
+fn with_boxes(layout: &Layout, rows: &RecordBatch) -> Result<RecordBatch, StoreError> {
+    match layout.geometry {
+        [] => Ok(rows.clone()),
+        columns => bbox::with_column(rows, columns)
+            .map_err(|error| StoreError::encode("draw boxes around", layout.name, error)),
+    }
 }
 
 fn to_parquet(layout: &Layout, rows: &RecordBatch) -> Result<Bytes, ParquetError> {
@@ -196,6 +206,11 @@ fn statistics(rows: &RecordBatch) -> Value {
             least.insert(name.to_owned(), low);
             most.insert(name.to_owned(), high);
         }
+    }
+    nulls.extend(bbox::nulls(rows).map(|count| (BBOX.to_owned(), count)));
+    if let Some((low, high)) = bbox::extremes(rows) {
+        least.insert(BBOX.to_owned(), low);
+        most.insert(BBOX.to_owned(), high);
     }
     json!({
         "numRecords": rows.num_rows(),

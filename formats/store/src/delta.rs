@@ -24,6 +24,7 @@ use deltalake::protocol::{DeltaOperation, SaveMode};
 use deltalake::table::state::DeltaTableState;
 use serde_json::Value;
 
+use crate::bbox::{BBOX, CORNERS};
 use crate::data_file::{DataFile, STATISTICS};
 use crate::error::StoreError;
 use crate::layout::Layout;
@@ -158,7 +159,7 @@ impl<'a> TableLog<'a> {
         metadata: CommitMetadata,
     ) -> Result<(), StoreError> {
         let schema: StructType = layout
-            .schema
+            .stored_schema()
             .as_ref()
             .try_into_kernel()
             .map_err(|error| StoreError::encode("describe", layout.name, error))?;
@@ -250,11 +251,12 @@ fn lost_the_race(error: &DeltaTableError) -> bool {
 }
 
 fn configuration(layout: &Layout) -> Vec<(String, Option<String>)> {
-    let indexed: Vec<&str> = STATISTICS
-        .iter()
-        .copied()
-        .filter(|name| layout.schema.index_of(name).is_ok())
-        .collect();
+    let plain = STATISTICS.iter().copied();
+    let plain = plain.filter(|name| layout.schema.index_of(name).is_ok());
+    let mut indexed: Vec<String> = plain.map(str::to_owned).collect();
+    if !layout.geometry.is_empty() {
+        indexed.extend(CORNERS.map(|corner| format!("{BBOX}.{corner}")));
+    }
     let mut properties = vec![
         ("delta.deletedFileRetentionDuration", KEEP.to_owned()),
         ("delta.logRetentionDuration", KEEP.to_owned()),

@@ -3,6 +3,8 @@
 use parquet::file::metadata::KeyValue;
 use serde_json::{Map, Value, json};
 
+use crate::bbox;
+
 /// Version of the GeoParquet specification that is followed.
 const VERSION: &str = "1.1.0";
 
@@ -14,7 +16,8 @@ pub(crate) fn metadata(columns: &[&str]) -> Option<KeyValue> {
     let described: Map<String, Value> = columns
         .iter()
         .map(|&name| {
-            let column = json!({"encoding": "WKB", "geometry_types": []});
+            let covering = bbox::covering();
+            let column = json!({"encoding": "WKB", "geometry_types": [], "covering": covering});
             (name.to_owned(), column)
         })
         .collect();

@@ -7,6 +7,8 @@ use tilefold_schemas::{
     ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, SensorRow, Sighting,
 };
 
+use crate::bbox;
+
 /// Name of the column that places a row in a tile.
 pub(crate) const TILE: &str = "tile";
 
@@ -85,6 +87,14 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
+    /// The columns of a data file: those of the rows, and the box of what has geometry.
+    pub(crate) fn stored_schema(&self) -> arrow_schema::SchemaRef {
+        match self.geometry {
+            [] => self.schema.clone(),
+            _ => bbox::with_field(&self.schema),
+        }
+    }
+
     pub(crate) fn of<R: StoredTable>() -> Self {
         Self {
             name: R::NAME,

@@ -13,6 +13,7 @@
 //!
 //! The calls block; a private runtime does the waiting. Do not call them from async code.
 
+mod bbox;
 mod commit_info;
 mod data_file;
 mod delta;

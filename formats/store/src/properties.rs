@@ -13,8 +13,8 @@ pub(crate) const FILE: &str = "tilefold.json";
 
 /// Format of the stores that are written here. This code reads this format and, as a rule, the one
 /// before. Since 2 a chunk says what it was made from, so that drives can be taken out and base maps
-/// changed.
-pub const FORMAT_VERSION: i64 = 2;
+/// changed. Since 3 what has geometry has a column `bbox`, and statistics of it.
+pub const FORMAT_VERSION: i64 = 3;
 
 /// Oldest format that is still read: chunks of format 1 cannot say what they were made from.
 const OLDEST_FORMAT: i64 = 2;

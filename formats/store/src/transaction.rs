@@ -158,7 +158,7 @@ impl Transaction {
             };
             schema.fields().iter().map(describe).collect()
         };
-        let (found, wanted) = (columns(found), columns(&layout.schema));
+        let (found, wanted) = (columns(found), columns(&layout.stored_schema()));
         let reason = match wanted
             .iter()
             .zip(&found)

@@ -1,6 +1,7 @@
 //! The tables through other eyes: Python's `deltalake` and DuckDB must count and sum what we do.
 //!
-//! `TILEFOLD_PYTHON=.../bin/python cargo test -p tilefold-store -- --ignored other_readers`
+//! `cargo xtask readers-test`, or with another Python: `TILEFOLD_PYTHON=.../bin/python cargo test
+//! --workspace --lib -- --ignored other_readers`
 
 use std::collections::BTreeMap;
 use std::process::Command;

@@ -10,4 +10,5 @@ mod explain;
 mod exports;
 mod golden;
 mod inspect;
+mod readers;
 mod support;
