@@ -9,7 +9,7 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 use async_trait::async_trait;
 use bytes::Bytes;
@@ -46,12 +46,22 @@ impl Fault {
     pub const ALL: [Self; 4] = [Self::Fail, Self::Stop, Self::LostReply, Self::Tear];
 }
 
-/// When what happens.
+/// A file that was read, in whole or in part, or written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Access {
+    /// Its path.
+    pub path: String,
+    /// Whether it was written.
+    pub is_write: bool,
+}
+
+/// When what happens, and what happened until then.
 #[derive(Debug)]
 pub struct Fuse {
     fault: Fault,
     at: usize,
     seen: AtomicUsize,
+    accesses: Mutex<Vec<Access>>,
 }
 
 /// What an operation is to do.
@@ -74,6 +84,16 @@ impl Fuse {
     #[must_use]
     pub fn has_fired(&self) -> bool {
         self.operations() > self.at
+    }
+
+    /// The files that were asked for, in the order of asking.
+    #[must_use]
+    pub fn accesses(&self) -> Vec<Access> {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Access>> {
+        self.accesses.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn burn(&self) -> Fate {
@@ -105,6 +125,7 @@ pub fn arm(folder: &FilePath, fault: Fault, at: usize) -> Arc<Fuse> {
         fault,
         at,
         seen: AtomicUsize::new(0),
+        accesses: Mutex::default(),
     });
     let mut fuses = FUSES.lock().unwrap_or_else(PoisonError::into_inner);
     fuses.insert(folder.to_owned(), fuse.clone());
@@ -157,6 +178,13 @@ impl Faulty {
         self.fuse.as_ref().map_or(Fate::Works, |fuse| fuse.burn())
     }
 
+    fn note(&self, at: &Path, is_write: bool) {
+        if let Some(fuse) = &self.fuse {
+            let path = at.to_string();
+            fuse.lock().push(Access { path, is_write });
+        }
+    }
+
     /// For what writes nothing, a lost reply is a refusal.
     fn works(&self) -> Result<()> {
         match self.burn() {
@@ -198,6 +226,7 @@ fn in_order(
 #[async_trait]
 impl ObjectStore for Faulty {
     async fn put_opts(&self, at: &Path, payload: PutPayload, how: PutOptions) -> Result<PutResult> {
+        self.note(at, true);
         match self.burn() {
             Fate::Works => self.inner.put_opts(at, payload, how).await,
             Fate::Refused => Err(dead()),
@@ -227,11 +256,13 @@ impl ObjectStore for Faulty {
     }
 
     async fn get_opts(&self, at: &Path, how: GetOptions) -> Result<GetResult> {
+        self.note(at, false);
         self.works()?;
         self.inner.get_opts(at, how).await
     }
 
     async fn get_ranges(&self, at: &Path, ranges: &[Range<u64>]) -> Result<Vec<Bytes>> {
+        self.note(at, false);
         self.works()?;
         self.inner.get_ranges(at, ranges).await
     }

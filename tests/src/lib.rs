@@ -5,4 +5,5 @@ pub mod arrows;
 pub mod faulty;
 pub mod logs;
 pub mod pictures;
+pub mod towns;
 pub mod trial;

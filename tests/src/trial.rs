@@ -217,7 +217,28 @@ pub fn small_city(into: &Path) -> CityFiles {
 /// It cannot be written.
 #[must_use]
 pub fn tiny_city(into: &Path) -> CityFiles {
+    tilefold_city::write(&tiny_spec(), into).unwrap()
+}
+
+/// The same, around the corner of four data files of each table.
+///
+/// # Panics
+/// It cannot be written.
+#[must_use]
+pub fn tiny_city_in_four_files(into: &Path) -> CityFiles {
+    // 16 tiles of level 15, in degrees.
+    let file_deg = 16.0 * 180.0 / 32_768.0;
     let spec = CitySpec {
+        anchor: [114.0 * file_deg, 569.0 * file_deg, 300.0],
+        ..tiny_spec()
+    };
+    tilefold_city::write(&spec, into).unwrap()
+}
+
+/// The specification of [`tiny_city`].
+#[must_use]
+pub fn tiny_spec() -> CitySpec {
+    CitySpec {
         seed: 11,
         site: Site::Drawn { km: 1.0 },
         vehicles: 3,
@@ -226,8 +247,7 @@ pub fn tiny_city(into: &Path) -> CityFiles {
         days: 3,
         change_share: 0.2,
         ..CitySpec::default()
-    };
-    tilefold_city::write(&spec, into).unwrap()
+    }
 }
 
 /// The folder of real data, `TILEFOLD_TEST_DATA` or `../shared/data` beside the checkout; says so

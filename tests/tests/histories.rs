@@ -15,7 +15,7 @@ use tilefold_city::CityFiles;
 use tilefold_engine::{EngineError, Forget, FusionModel, Silent, drives::drives, run};
 use tilefold_schemas::ChunkRow;
 use tilefold_tests::faulty::{Fault, arm, through_fuse};
-use tilefold_tests::trial::{Content, Trial, tiny_city};
+use tilefold_tests::trial::{Content, Trial, tiny_city, tiny_city_in_four_files};
 
 /// Histories that are tried if nobody says otherwise.
 const HISTORIES: u32 = 200;
@@ -80,13 +80,13 @@ struct Town {
 }
 
 impl Town {
-    fn new(into: &Path) -> Self {
+    fn new(city: CityFiles) -> Self {
         let CityFiles {
             before_map,
             after_map,
             logs,
             ..
-        } = tiny_city(into);
+        } = city;
         Self {
             maps: [before_map, after_map],
             logs,
@@ -194,7 +194,11 @@ fn retract_some(trial: &Trial, how: usize, which: usize) {
 /// Lives a share of the histories. Shares are tests of their own, so that they run beside each other.
 fn live_share(share: u8) {
     let folder = tempfile::tempdir().unwrap();
-    let town = Town::new(folder.path());
+    // In every other share, what belongs together lies in several files.
+    let town = Town::new(match share % 2 {
+        0 => tiny_city(folder.path()),
+        _ => tiny_city_in_four_files(folder.path()),
+    });
     let asked = std::env::var("TILEFOLD_HISTORIES").ok();
     let histories = asked.map_or(HISTORIES, |count| count.parse().unwrap());
     let config = Config {

@@ -1,11 +1,12 @@
 //! `cargo xtask readers-test`: stores as Python's `deltalake`, DuckDB with its spatial extension and
-//! GeoPandas read them.
+//! GeoPandas read them, and exports as GDAL, libosmium and the libraries of PMTiles and MCAP do.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::command::{Failure, Step};
 use crate::python;
+use crate::test;
 
 /// What is installed, with versions and hashes.
 const REQUIREMENTS: &str = "xtask/readers.txt";
@@ -15,14 +16,13 @@ const BY_HAND: &str = "Python 3.11 or later with pip and PyPI in reach are neede
 /// Installs the readers and runs the tests that need them.
 pub(crate) fn run(root: &Path) -> Result<(), Failure> {
     let readers = readers(root)?;
-    let failing = "The failing test is named above";
     for words in [
-        "test --workspace --test cli -- --ignored readers::",
-        "test --workspace --lib -- --ignored other_readers",
+        "--test cli -- --ignored readers:: exports::",
+        "--lib -- --ignored other_readers",
     ] {
-        Step::cargo(root, words)
+        test::some(root, words)
             .env("PYTHONPATH", &readers)
-            .run(failing)?;
+            .run("The failing test is named above")?;
     }
     Ok(())
 }

@@ -23,6 +23,11 @@ pub(crate) fn build(root: &Path) -> Result<(), Failure> {
         .run("Mend what the compiler says")
 }
 
+/// Some of the tests, built as all of them are, by cargo's own words.
+pub(crate) fn some(root: &Path, words: &str) -> Step {
+    Step::cargo(root, "test").args(ALL).args(words.split(' '))
+}
+
 /// Runs the tests with cargo-nextest where it is installed, and else with `cargo test`.
 pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
     setup::run(root)?;
