@@ -37,7 +37,7 @@ mod xml;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Cursor, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tilefold_schemas::limits::MAX_MAP_BYTES;
 use tilefold_schemas::{Element, SetAside};

@@ -53,6 +53,8 @@ pub struct Access {
     pub path: String,
     /// Whether it was written.
     pub is_write: bool,
+    /// How many of its bytes.
+    pub bytes: u64,
 }
 
 /// When what happens, and what happened until then.
@@ -178,10 +180,13 @@ impl Faulty {
         self.fuse.as_ref().map_or(Fate::Works, |fuse| fuse.burn())
     }
 
-    fn note(&self, at: &Path, is_write: bool) {
+    fn note(&self, at: &Path, is_write: bool, bytes: u64) {
         if let Some(fuse) = &self.fuse {
-            let path = at.to_string();
-            fuse.lock().push(Access { path, is_write });
+            fuse.lock().push(Access {
+                path: at.to_string(),
+                is_write,
+                bytes,
+            });
         }
     }
 
@@ -226,7 +231,7 @@ fn in_order(
 #[async_trait]
 impl ObjectStore for Faulty {
     async fn put_opts(&self, at: &Path, payload: PutPayload, how: PutOptions) -> Result<PutResult> {
-        self.note(at, true);
+        self.note(at, true, payload.content_length() as u64);
         match self.burn() {
             Fate::Works => self.inner.put_opts(at, payload, how).await,
             Fate::Refused => Err(dead()),
@@ -256,14 +261,16 @@ impl ObjectStore for Faulty {
     }
 
     async fn get_opts(&self, at: &Path, how: GetOptions) -> Result<GetResult> {
-        self.note(at, false);
         self.works()?;
-        self.inner.get_opts(at, how).await
+        let got = self.inner.get_opts(at, how).await?;
+        self.note(at, false, got.range.end - got.range.start);
+        Ok(got)
     }
 
     async fn get_ranges(&self, at: &Path, ranges: &[Range<u64>]) -> Result<Vec<Bytes>> {
-        self.note(at, false);
         self.works()?;
+        let bytes = ranges.iter().map(|range| range.end - range.start).sum();
+        self.note(at, false, bytes);
         self.inner.get_ranges(at, ranges).await
     }
 

@@ -4,12 +4,15 @@
 #![allow(clippy::unwrap_used, clippy::panic)] // In a test, a panic is the report.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
+use tilefold_city::{CitySpec, Site};
 use tilefold_engine::{FusionModel, Silent, run};
 use tilefold_schemas::{EvidenceRow, LayerHeader, TileId};
 use tilefold_store::{Store, TileFilter, coarse};
 use tilefold_tests::faulty::{Access, Fault, arm, through_fuse};
 use tilefold_tests::towns::Towns;
+use tilefold_tests::trial::Trial;
 
 /// The coarse tile and the table that a data file is of; none of other files.
 fn data_file(path: &str) -> Option<(String, String)> {
@@ -65,4 +68,84 @@ fn a_drive_in_one_town_touches_no_file_of_the_other() {
     let whole = towns.store();
     whole.run(&[before, last].concat());
     assert_eq!(trial.content(), whole.content());
+}
+
+/// The table of docs/results/incremental.md: `cargo test --workspace --features tilefold-tests/h264
+/// --test cost -- --ignored --nocapture`.
+#[test]
+#[ignore = "measures, for a quarter of an hour"]
+fn what_a_day_costs_by_the_share_of_tiles_that_it_touches() {
+    let folder = tempfile::tempdir().unwrap();
+    let city = |name: &str, drives: u32, drive_km: f64| {
+        let spec = CitySpec {
+            seed: 5,
+            site: Site::Drawn { km: 60.0 },
+            vehicles: 60,
+            drives,
+            drive_km,
+            ..CitySpec::default()
+        };
+        tilefold_city::write(&spec, &folder.path().join(name)).unwrap()
+    };
+    let (long, short) = (city("long", 48, 5.0), city("short", 60, 0.3));
+    let (first, other_half) = long.logs.split_at(24);
+    let old = Trial::new(&long.before_map);
+    let whole = day(&old, first);
+    let rows: Vec<EvidenceRow> = old.rows();
+    let tiles: BTreeSet<i32> = rows.iter().map(|row| row.tile).collect();
+    println!(
+        "{} tiles with evidence; into an empty store: {whole:?}",
+        tiles.len()
+    );
+    let days = [1, 3, 8, 20].map(|drives| &short.logs[30..30 + drives]);
+    for logs in days.into_iter().chain([other_half]) {
+        let trial = Trial::copy_of(&old);
+        let day = day(&trial, logs);
+        let share = 100.0 * day.layers as f64 / tiles.len() as f64;
+        let reduce = 100.0 * day.reduce_s / whole.reduce_s;
+        println!(
+            "{} logs: {share:.1} % of the tiles, {reduce:.1} % of the reduce stage, {day:?}",
+            logs.len()
+        );
+    }
+}
+
+/// What a job did.
+#[derive(Debug)]
+#[expect(dead_code, reason = "printed")]
+struct Day {
+    layers: usize,
+    judged_tiles: u64,
+    reduce_s: f64,
+    files_read: usize,
+    read_mb: f64,
+    files_written: usize,
+    written_mb: f64,
+}
+
+fn day(trial: &Trial, logs: &[PathBuf]) -> Day {
+    let fuse = arm(trial.store(), Fault::Fail, usize::MAX);
+    let place = through_fuse(trial.store());
+    let report = run(&place, logs, FusionModel::default(), &Silent).unwrap();
+    let reduce = report.stages.iter().find(|stage| stage.stage == "reduce");
+    let reduce = reduce.unwrap();
+    let accesses = fuse.accesses();
+    let of = |is_write: bool| {
+        let all = accesses.iter();
+        let data = all.filter(|one| one.is_write == is_write && one.path.ends_with(".parquet"));
+        let data = data.filter(|one| !one.path.contains("_delta_log"));
+        data.fold((0, 0.0), |(files, mb), one| {
+            (files + 1, mb + one.bytes as f64 * 1e-6)
+        })
+    };
+    let ((files_read, read_mb), (files_written, written_mb)) = (of(false), of(true));
+    Day {
+        layers: report.tiles_reduced,
+        judged_tiles: reduce.items,
+        reduce_s: reduce.busy_s,
+        files_read,
+        read_mb,
+        files_written,
+        written_mb,
+    }
 }
