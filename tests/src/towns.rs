@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use tilefold_city::{CityFiles, CitySpec};
 use tilefold_engine::{InitOptions, init};
 
-use crate::trial::{Trial, tiny_spec};
+use crate::trial::{Trial, small_spec};
 
 /// Two towns with no tile between them in common, nor a file of the store.
 #[derive(Debug)]
@@ -30,14 +30,19 @@ impl Towns {
     #[expect(clippy::new_without_default, reason = "it writes files")]
     pub fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let town = |name: &str, longitude_deg: f64| {
+        let town = |name: &str, longitude_deg: f64, vehicles: u32| {
             let spec = CitySpec {
                 anchor: [longitude_deg, 50.0, 300.0],
-                ..tiny_spec()
+                change_share: 0.2,
+                vehicles,
+                drives: vehicles,
+                ..small_spec()
             };
             tilefold_city::write(&spec, &folder.path().join(name)).unwrap()
         };
-        let (near, far) = (town("near", 10.0), town("far", 11.0));
+        let (near, mut far) = (town("near", 10.0, 6), town("far", 11.0, 12));
+        // All towns' vehicles have the same names, and nobody is in two towns at once.
+        far.logs.drain(..near.logs.len());
         let renumbered = folder.path().join("far.osm");
         fs::write(&renumbered, with_other_ids(&far.before_map)).unwrap();
         Self {

@@ -198,7 +198,13 @@ pub fn content_of(map: &Path, logs: &[PathBuf]) -> Content {
 /// It cannot be written.
 #[must_use]
 pub fn small_city(into: &Path) -> CityFiles {
-    let spec = CitySpec {
+    tilefold_city::write(&small_spec(), into).unwrap()
+}
+
+/// The specification of [`small_city`].
+#[must_use]
+pub fn small_spec() -> CitySpec {
+    CitySpec {
         seed: 5,
         site: Site::Drawn { km: 1.0 },
         vehicles: 5,
@@ -206,8 +212,7 @@ pub fn small_city(into: &Path) -> CityFiles {
         drive_km: 0.6,
         days: 4,
         ..CitySpec::default()
-    };
-    tilefold_city::write(&spec, into).unwrap()
+    }
 }
 
 /// The same, but four drives of a few chunks by three vehicles, past many changes: for tests that run
@@ -235,9 +240,7 @@ pub fn tiny_city_in_four_files(into: &Path) -> CityFiles {
     tilefold_city::write(&spec, into).unwrap()
 }
 
-/// The specification of [`tiny_city`].
-#[must_use]
-pub fn tiny_spec() -> CitySpec {
+fn tiny_spec() -> CitySpec {
     CitySpec {
         seed: 11,
         site: Site::Drawn { km: 1.0 },

@@ -7,7 +7,7 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
@@ -77,6 +77,7 @@ struct Town {
     logs: Vec<PathBuf>,
     expected: RefCell<BTreeMap<(usize, BTreeSet<usize>), Content>>,
     killed: RefCell<usize>,
+    lived: RefCell<usize>,
 }
 
 impl Town {
@@ -92,6 +93,7 @@ impl Town {
             logs,
             expected: RefCell::default(),
             killed: RefCell::default(),
+            lived: RefCell::default(),
         }
     }
 
@@ -213,6 +215,10 @@ fn live_share(share: u8) {
             let content = town.live(&history).content();
             let expected = town.expected(history.last_map, &history.last_logs);
             prop_assert_eq!(content, expected);
+            *town.lived.borrow_mut() += 1;
+            if *town.lived.borrow() % 50 == 0 {
+                println!("share {share}: {} histories so far", town.lived.borrow());
+            }
             Ok(())
         })
         .unwrap();

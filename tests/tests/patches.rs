@@ -61,14 +61,10 @@ fn two_maps_of_one_store_are_patched_together() {
             [before, &file].map(|file| Comparable::elements(&map::read(file).unwrap()));
         let differences = old.differences(&new, 0.01);
         assert!(!differences.is_empty(), "{} has changes in it", after.name);
-        let text = (
-            fs::read_to_string(before).unwrap(),
-            fs::read_to_string(&file).unwrap(),
-        );
-        let new = ids(&text.1)
-            .difference(&ids(&text.0))
-            .map(|id| (*id).to_owned());
-        new_ids.push(new.collect::<BTreeSet<String>>());
+        let [old, new] = [before, &file].map(|file| fs::read_to_string(file).unwrap());
+        let old = ids(&old);
+        let new = ids(&new).into_iter().filter(|id| !old.contains(id));
+        new_ids.push(new.map(str::to_owned).collect::<BTreeSet<String>>());
         patched.push(file);
     }
     assert!(
