@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::command::{Failure, Step};
+use crate::command::Failure;
 use crate::python;
 use crate::test;
 

@@ -49,7 +49,7 @@ fn stored(layout: &Layout) -> Vec<(String, String)> {
             Some(bin) => bins.push(bin),
             None => columns.push((field.name().clone(), type_name(field))),
         }
-        if let (Some(first), Some(last @ "12")) = (bins.first(), bins.last()) {
+        if let (Some(first), Some(last @ "12")) = (bins.first().copied(), bins.last().copied()) {
             columns.push((format!("seen_{first}` to `seen_{last}"), "int32".to_owned()));
             bins.clear();
         }
