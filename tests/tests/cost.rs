@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use tilefold_city::{CitySpec, Site};
-use tilefold_engine::{FusionModel, Silent, run};
-use tilefold_schemas::{EvidenceRow, LayerHeader, TileId};
+use tilefold_engine::{FusionModel, RunOptions, Silent, run};
+use tilefold_schemas::{ChunkRow, EvidenceRow, LayerHeader, TileId};
 use tilefold_store::{Store, TileFilter, coarse};
 use tilefold_tests::faulty::{Access, Fault, arm, through_fuse};
 use tilefold_tests::towns::Towns;
@@ -91,24 +91,37 @@ fn what_a_day_costs_by_the_share_of_tiles_that_it_touches() {
     let (long, short) = (city("long", 48, 5.0), city("short", 60, 0.3));
     let (first, other_half) = long.logs.split_at(24);
     let old = Trial::new(&long.before_map);
-    let whole = day(&old, first);
+    let first_day = day(&old, first, FusionModel::default());
     let rows: Vec<EvidenceRow> = old.rows();
     let tiles: BTreeSet<i32> = rows.iter().map(|row| row.tile).collect();
     println!(
-        "{} tiles with evidence; into an empty store: {whole:?}",
+        "{} tiles with evidence; into an empty store: {first_day:?}",
         tiles.len()
     );
     let days = [1, 3, 8, 20].map(|drives| &short.logs[30..30 + drives]);
     for logs in days.into_iter().chain([other_half]) {
         let trial = Trial::copy_of(&old);
-        let day = day(&trial, logs);
-        let share = 100.0 * day.layers as f64 / tiles.len() as f64;
-        let reduce = 100.0 * day.reduce_s / whole.reduce_s;
+        let day = day(&trial, logs, FusionModel::default());
+        let all = all_anew(&trial);
+        let share = |part: f64, whole: f64| 100.0 * part / whole;
         println!(
-            "{} logs: {share:.1} % of the tiles, {reduce:.1} % of the reduce stage, {day:?}",
-            logs.len()
+            "{} logs: {:.1} % of the tiles judged, {:.1} % of the reduce stage, {day:?}; all anew: {all:?}",
+            logs.len(),
+            share(day.judged_tiles as f64, all.judged_tiles as f64),
+            share(day.reduce_s, all.reduce_s),
         );
     }
+}
+
+/// All of the store folded anew, as of a time when all of it has been seen.
+fn all_anew(trial: &Trial) -> Day {
+    let chunks: Vec<ChunkRow> = trial.rows();
+    let last_ns = chunks.iter().map(|chunk| chunk.last_ns).max();
+    let options = RunOptions {
+        as_of_ns: last_ns,
+        ..RunOptions::default()
+    };
+    day(trial, &[], options)
 }
 
 /// What a job did.
@@ -124,10 +137,10 @@ struct Day {
     written_mb: f64,
 }
 
-fn day(trial: &Trial, logs: &[PathBuf]) -> Day {
+fn day(trial: &Trial, logs: &[PathBuf], options: impl Into<RunOptions>) -> Day {
     let fuse = arm(trial.store(), Fault::Fail, usize::MAX);
     let place = through_fuse(trial.store());
-    let report = run(&place, logs, FusionModel::default(), &Silent).unwrap();
+    let report = run(&place, logs, options, &Silent).unwrap();
     let reduce = report.stages.iter().find(|stage| stage.stage == "reduce");
     let reduce = reduce.unwrap();
     let accesses = fuse.accesses();

@@ -15,7 +15,7 @@ use tilefold_city::CityFiles;
 use tilefold_engine::{EngineError, Forget, FusionModel, Silent, drives::drives, run};
 use tilefold_schemas::ChunkRow;
 use tilefold_tests::faulty::{Fault, arm, through_fuse};
-use tilefold_tests::trial::{Content, Trial, tiny_city, tiny_city_in_four_files};
+use tilefold_tests::trial::{Content, Trial, tiny_city, tiny_city_in_two_files};
 
 /// Histories that are tried if nobody says otherwise.
 const HISTORIES: u32 = 200;
@@ -196,10 +196,10 @@ fn retract_some(trial: &Trial, how: usize, which: usize) {
 /// Lives a share of the histories. Shares are tests of their own, so that they run beside each other.
 fn live_share(share: u8) {
     let folder = tempfile::tempdir().unwrap();
-    // In every other share, what belongs together lies in several files.
-    let town = Town::new(match share % 2 {
-        0 => tiny_city(folder.path()),
-        _ => tiny_city_in_four_files(folder.path()),
+    // In the last share, what belongs together lies in several files.
+    let town = Town::new(match u32::from(share) + 1 {
+        SHARES => tiny_city_in_two_files(folder.path()),
+        _ => tiny_city(folder.path()),
     });
     let asked = std::env::var("TILEFOLD_HISTORIES").ok();
     let histories = asked.map_or(HISTORIES, |count| count.parse().unwrap());
