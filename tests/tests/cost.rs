@@ -8,11 +8,11 @@ use std::path::PathBuf;
 
 use tilefold_city::{CitySpec, Site};
 use tilefold_engine::{FusionModel, RunOptions, Silent, run};
-use tilefold_schemas::{ChunkRow, EvidenceRow, LayerHeader, TileId};
+use tilefold_schemas::{ChunkRow, EvidenceRow, LayerHeader, Sighting, TileId};
 use tilefold_store::{Store, TileFilter, coarse};
 use tilefold_tests::faulty::{Access, Fault, arm, through_fuse};
 use tilefold_tests::towns::Towns;
-use tilefold_tests::trial::Trial;
+use tilefold_tests::trial::{Trial, content_of, tiny_city_in_two_files};
 
 /// The coarse tile and the table that a data file is of; none of other files.
 fn data_file(path: &str) -> Option<(String, String)> {
@@ -69,6 +69,21 @@ fn a_drive_in_one_town_touches_no_file_of_the_other() {
     let whole = towns.store();
     whole.run(&[before, last].concat());
     assert_eq!(trial.content(), whole.content());
+}
+
+#[test]
+fn what_lies_across_two_files_is_read_from_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let city = tiny_city_in_two_files(folder.path());
+    let trial = Trial::new(&city.before_map);
+    for log in &city.logs {
+        trial.run(std::slice::from_ref(log));
+    }
+    let snapshot = Store::open(trial.store().to_path_buf()).unwrap();
+    let snapshot = snapshot.snapshot(None).unwrap();
+    let files = snapshot.files::<Sighting>(TileFilter::All).unwrap();
+    assert_eq!(files.len(), 2);
+    assert_eq!(trial.content(), content_of(&city.before_map, &city.logs));
 }
 
 /// The table of docs/results/incremental.md: `cargo test --workspace --features tilefold-tests/h264
