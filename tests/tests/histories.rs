@@ -215,9 +215,10 @@ fn live_share(share: u8) {
             let content = town.live(&history).content();
             let expected = town.expected(history.last_map, &history.last_logs);
             prop_assert_eq!(content, expected);
-            *town.lived.borrow_mut() += 1;
-            if *town.lived.borrow() % 50 == 0 {
-                println!("share {share}: {} histories so far", town.lived.borrow());
+            let mut lived = town.lived.borrow_mut();
+            *lived += 1;
+            if lived.is_multiple_of(50) {
+                println!("share {share}: {lived} histories so far");
             }
             Ok(())
         })
