@@ -3,7 +3,7 @@
 
 mod linear;
 
-use linear::assert_linear;
+use linear::{Shape, assert_linear};
 use proptest::prelude::*;
 use serde_json::Value;
 use tilefold_formats::map::{self, MapError, MapFile, MapFormat};
@@ -261,7 +261,7 @@ fn neither_depth_nor_width_costs_more_than_its_bytes() {
 }
 
 /// `n` of something in a file of its own, by its name.
-const SHAPES: [(&str, fn(usize) -> String); 5] = [
+const SHAPES: [Shape; 5] = [
     ("bad ids", |n| {
         let one = |id| format!(",\"{id}\": {{\"id\": {}}}", "9".repeat(20));
         with(&(0..n).map(one).collect::<String>())

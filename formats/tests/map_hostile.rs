@@ -5,7 +5,7 @@ mod linear;
 
 use std::fmt::Write as _;
 
-use linear::assert_linear;
+use linear::{Shape, assert_linear};
 use proptest::prelude::*;
 use tilefold_formats::map::{MapError, MapFile, Roads, read_from, read_roads_from};
 use tilefold_formats::map_patch::OsmText;
@@ -274,9 +274,7 @@ fn limits_are_named() {
     assert!(set_aside(far).contains("MAX_ELEMENT_LENGTH_M"));
 }
 
-/// `n` of everything that is wrong in some maps, by its name, each in a map of its own.
-type Shape = (&'static str, fn(usize) -> String);
-
+/// `n` of everything that is wrong in some maps, each in a map of its own.
 const SHAPES: [Shape; 14] = [
     ("equal ids", |n| map_with(&LINE.repeat(n))),
     ("dangling references", |n| {
@@ -359,14 +357,14 @@ fn between_two(n: usize, subtype: &str) -> String {
 /// Asserts that elements, roads and the text to be patched are all read in linear time.
 #[track_caller]
 fn is_linear((what, shape): &Shape) {
-    let readers: [(&str, &dyn Fn(&str)); 3] = [
-        ("elements", &|text| drop(read(text))),
-        ("roads", &|text| drop(roads(text))),
-        ("text", &|text| drop(OsmText::read(text.into(), "map.osm"))),
-    ];
-    for (reader, read) in readers {
+    let is_linear = |reader: &str, read: &dyn Fn(&str)| {
         assert_linear(&format!("{what}, {reader}"), 5_000, shape, read);
-    }
+    };
+    is_linear("elements", &|text| drop(read(text)));
+    is_linear("roads", &|text| drop(roads(text)));
+    is_linear("text", &|text| {
+        drop(OsmText::read(text.into(), "map.osm"));
+    });
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod linear;
 
 use std::fmt::Write as _;
 
-use linear::assert_linear;
+use linear::{Shape, assert_linear};
 use proptest::prelude::*;
 use tilefold_formats::map::{self, MapError, MapFile};
 
@@ -208,7 +208,7 @@ fn one_lane(body: &str) -> String {
 }
 
 /// `n` of something in a file of its own, by its name.
-const SHAPES: [(&str, fn(usize) -> String); 10] = [
+const SHAPES: [Shape; 10] = [
     ("marks of one lane", |n| {
         let mark = |at| format!("<roadMark sOffset='{at}e-3' type='solid'/>");
         one_lane(&(0..n).map(mark).collect::<String>())
