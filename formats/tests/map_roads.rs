@@ -6,7 +6,7 @@ mod linear;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use linear::assert_linear;
+use linear::{Shape, assert_linear};
 use serde_json::Value;
 use tilefold_formats::map::{BorderKind, Lanelet, Roads, read_roads, read_roads_from};
 
@@ -178,8 +178,13 @@ fn a_border_of_many_ways(n: usize) -> String {
 #[test]
 fn time_grows_with_the_bytes() {
     let read = |text: &str| drop(read_roads_from(text.as_bytes(), "map.osm"));
-    assert_linear("one border", 2_000, &one_border_for_all, &read);
-    assert_linear("ways of a border", 2_000, &a_border_of_many_ways, &read);
+    let shapes: [Shape; 2] = [
+        ("one border", one_border_for_all),
+        ("ways of a border", a_border_of_many_ways),
+    ];
+    for (what, shape) in shapes {
+        assert_linear(what, 2_000, &shape, &read);
+    }
     let text = one_border_for_all(100);
     let roads = read_roads_from(text.as_bytes(), "map.osm").expect("a map");
     assert_eq!((roads.lanelets.len(), roads.set_aside.len()), (64, 36));
