@@ -156,6 +156,42 @@ pub(crate) fn decode(
     Ok(rows)
 }
 
+/// As [`decode`], a row group at a time.
+pub(crate) fn decode_in_parts(
+    layout: &Layout,
+    file: &DataFile,
+    place: &str,
+    bytes: Bytes,
+    mut take: impl FnMut(RecordBatch) -> Result<(), StoreError>,
+) -> Result<(), StoreError> {
+    check(file, place, &bytes)?;
+    let damaged = |error: String| StoreError::damaged(place, error);
+    let reader = ParquetRecordBatchReaderBuilder::try_new(bytes)
+        .and_then(|builder| builder.with_batch_size(ROW_GROUP_ROWS).build())
+        .map_err(|error| damaged(error.to_string()))?;
+    let mut rows = 0;
+    for batch in reader {
+        let batch = batch.map_err(|error| damaged(error.to_string()))?;
+        let outside = tile_range(layout, &batch).filter(|&(first, last)| {
+            file.tiles
+                .is_none_or(|(low, high)| first < low || last > high)
+        });
+        if outside.is_some() {
+            return Err(damaged(
+                "its tiles are not those that the table's log names".to_owned(),
+            ));
+        }
+        rows += count(batch.num_rows());
+        take(batch)?;
+    }
+    match rows == file.rows {
+        true => Ok(()),
+        false => Err(damaged(
+            "its rows are not those that the table's log names".to_owned(),
+        )),
+    }
+}
+
 fn check(file: &DataFile, place: &str, bytes: &Bytes) -> Result<(), StoreError> {
     if count(bytes.len()) != file.size {
         let reason = format!("it has {} bytes instead of {}", bytes.len(), file.size);
