@@ -1,8 +1,8 @@
 """From logs to verdicts: Tilefold beside match_and_register.py, and reading beside python's mcap, in one run, by turns.
 
-    python whole.py MAP.osm LOGS... --tilefold PATH [--limits PATH] [--turns 3] [--json FIGURES.json]
+    python whole.py MAP.osm LOGS... --tilefold PATH [--benchmarks PATH] [--turns 3] [--json FIGURES.json]
 
-One thread each. `--limits` is the example of that name: the bare mcap crate, the file, the memory.
+One thread each. `--benchmarks` is the program tilefold-benchmarks: the bare mcap crate, the file, the memory.
 """
 
 import argparse
@@ -55,7 +55,7 @@ def main():
     parser.add_argument("map")
     parser.add_argument("logs", nargs="+")
     parser.add_argument("--tilefold", required=True)
-    parser.add_argument("--limits")
+    parser.add_argument("--benchmarks")
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
@@ -87,8 +87,8 @@ def main():
         rate["ratio_by_processor"] = own["frames_per_processor_s"] / rate["frames_per_processor_s"]
         rate["ratio_by_wall"] = own["frames_per_wall_s"] / rate["frames_per_wall_s"]
     figures["python_mcap_messages_per_processor_s"] = python_mcap(args.logs)
-    if args.limits:
-        figures["limits"], _ = timed([args.limits, *args.logs])
+    if args.benchmarks:
+        figures["reading"], _ = timed([args.benchmarks, "reading", *args.logs])
     text = json.dumps(figures, indent=2)
     print(json.dumps(figures["rates"], indent=2))
     if args.json:

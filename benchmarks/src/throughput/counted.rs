@@ -4,7 +4,6 @@
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use stats_alloc::{Region, Stats};
@@ -27,6 +26,7 @@ use tilefold_workers::register::{Glance, register};
 use tilefold_workers::{MapContext, Registering, map_chunk};
 
 use crate::ALLOCATOR;
+use crate::processor::Moment;
 
 /// How far around the trajectory the map is looked at, as the map stage does, in metres.
 const MAP_REACH_M: f64 = 60.0;
@@ -38,7 +38,7 @@ pub(crate) struct Cost {
     pub(crate) name: String,
     /// Frames that it was done on, context included.
     pub(crate) frames: u64,
-    /// Seconds on one thread.
+    /// Seconds of processor time on one thread.
     pub(crate) seconds: f64,
     /// Calls of the allocator, growing ones included.
     pub(crate) allocations: u64,
@@ -111,9 +111,9 @@ impl Cost {
 
     fn during<T>(&mut self, work: impl FnOnce() -> T) -> T {
         let region = Region::new(ALLOCATOR);
-        let started = Instant::now();
+        let started = Moment::now();
         let result = work();
-        self.seconds += started.elapsed().as_secs_f64();
+        self.seconds += started.elapsed_s();
         let Stats {
             allocations,
             reallocations,

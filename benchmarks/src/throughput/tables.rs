@@ -201,7 +201,7 @@ fn costs(measured: &Measured) -> String {
     let head = [
         "leg",
         "frames, with context",
-        "s",
+        "processor, s",
         "of map_chunk",
         "microseconds a frame",
         "allocations a frame",

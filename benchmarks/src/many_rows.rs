@@ -1,22 +1,21 @@
 //! A store with as many ledger rows as are asked for, to fold them within a limit of memory.
 //!
-//! `many_rows FOLDER ROWS` makes a square of 100 km with a line of paint of 40 m every 200 m, and the
+//! `tilefold-benchmarks many-rows FOLDER ROWS` makes a square of 100 km with a line of paint of 40 m every 200 m, and the
 //! evidence of vehicles that each looked at every line once and matched nine times in ten. Then
 //! `tilefold run FOLDER --as-of 2030-01-01T00:00:00Z --memory 8GB` folds all of it.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::error::Error;
+use std::path::Path;
 
-use clap::Parser;
-use tilefold_engine::run::read_elements;
 use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
 use tilefold_schemas::layer::ElementRow;
-use tilefold_schemas::{ElementKind, EvidenceRow, TileId, wkb};
+use tilefold_schemas::{
+    Color, Element, ElementId, ElementKind, EvidenceRow, Marking, SignClass, TileId, wkb,
+};
 use tilefold_store::{Parameters, Store, StoreProperties, coarse};
-use tilefold_tiler::map_index::MappedElement;
-use tilefold_tiler::tile::{DEFAULT_LEVEL, tile_of};
-
-type Failure = Box<dyn std::error::Error + Send + Sync>;
+use tilefold_tiler::map_index::{MappedElement, bounds};
+use tilefold_tiler::tile::DEFAULT_LEVEL;
 
 /// A metre in degrees of latitude; of longitude it is taken half as long again, as at 48 degrees.
 const METRE_DEG: f64 = 1.0 / 111_195.0;
@@ -29,33 +28,25 @@ const ONE_FX: i64 = 1 << 24;
 const SECOND_NS: i64 = 1_000_000_000;
 const BEGIN_NS: i64 = 1_770_000_000 * SECOND_NS;
 
-#[derive(Parser)]
-struct Asked {
-    /// Folder of the new store.
-    folder: PathBuf,
-    /// Ledger rows, about.
-    rows: usize,
-}
-
-fn main() -> Result<(), Failure> {
-    let asked = Asked::parse();
+/// Makes the store.
+pub(crate) fn make(folder: &Path, rows: usize) -> Result<(), Box<dyn Error>> {
     let properties = StoreProperties {
         salt: [0; 32],
         tile_level: u8::try_from(DEFAULT_LEVEL)?,
         parameters: Parameters::new(),
     };
-    let store = Store::create(asked.folder, properties)?;
+    let store = Store::create(folder.to_owned(), properties)?;
+    let elements: Result<Vec<MappedElement>, _> = (0..SIDE * SIDE).map(element).collect();
+    let elements = elements?;
     let mut transaction = store.begin()?;
-    let elements: Result<Vec<ElementRow>, Failure> = (0..SIDE * SIDE).map(element).collect();
-    transaction.overwrite(elements?)?;
+    transaction.overwrite(elements.iter().map(to_row).collect())?;
     transaction.commit("init", Parameters::new())?;
 
-    let snapshot = store.snapshot(None)?;
     let mut files: BTreeMap<TileId, Vec<MappedElement>> = BTreeMap::new();
-    for mapped in read_elements(&snapshot, DEFAULT_LEVEL)? {
+    for mapped in elements {
         files.entry(coarse(mapped.tile)).or_default().push(mapped);
     }
-    let passes = asked.rows / (SIDE * SIDE * SECTIONS as usize);
+    let passes = rows / (SIDE * SIDE * SECTIONS as usize);
     let mut transaction = store.begin()?;
     for (number, elements) in files.values().enumerate() {
         eprintln!("file {} of {}", number + 1, files.len());
@@ -70,30 +61,43 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-fn element(index: usize) -> Result<ElementRow, Failure> {
+fn element(index: usize) -> Result<MappedElement, Box<dyn Error>> {
     let [east_m, north_m] = [index % SIDE, index / SIDE].map(|step| step as f64 * APART_M);
     let vertices = [0.0, LINE_M].map(|along_m| {
         let longitude_deg = 11.5 + (east_m + along_m) * METRE_DEG * 1.5;
         [longitude_deg, 48.0 + north_m * METRE_DEG, 0.0]
     });
-    let [first, last] = vertices;
-    let TileId(tile) = tile_of(first[0], first[1], DEFAULT_LEVEL)?;
-    Ok(ElementRow {
-        tile,
-        element: index as i64,
-        content: index as i64,
-        kind: ElementKind::LaneMarking.code(),
-        marking: 1,
-        color: 1,
-        sign: 0,
-        geometry: wkb::line(&vertices),
-        xmin: first[0],
-        ymin: first[1],
-        xmax: last[0],
-        ymax: last[1],
+    let element = Element {
+        id: ElementId(index as i64),
+        kind: ElementKind::LaneMarking,
+        marking: Marking::Solid,
+        color: Color::White,
+        sign: SignClass::Unknown,
+        points: vertices.into(),
+        tags: BTreeMap::new(),
+    };
+    Ok(MappedElement::new(element, DEFAULT_LEVEL)?)
+}
+
+fn to_row(mapped: &MappedElement) -> ElementRow {
+    let element = &mapped.element;
+    let (low, high) = bounds(&element.points);
+    ElementRow {
+        tile: mapped.tile.0,
+        element: element.id.0,
+        content: mapped.content.0,
+        kind: element.kind.code(),
+        marking: element.marking.code(),
+        color: element.color.code(),
+        sign: element.sign.code(),
+        geometry: wkb::line(&element.points),
+        xmin: low[0],
+        ymin: low[1],
+        xmax: high[0],
+        ymax: high[1],
         tags: "{}".to_owned(),
         source: "square".to_owned(),
-    })
+    }
 }
 
 /// What one vehicle says of a section: ten looks, nine matches, 5 cm off to one side or the other.
