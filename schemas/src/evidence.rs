@@ -4,7 +4,7 @@
 use crate::table;
 
 /// Version of the map stage's method. Rows of different versions are never added up.
-pub const METHOD_VERSION: i32 = 5;
+pub const METHOD_VERSION: i32 = 6;
 
 /// The same method without registration: what poses alone are worth.
 pub const UNREGISTERED_METHOD: i32 = METHOD_VERSION + 1_000;

@@ -1,5 +1,5 @@
 //! Camera logs that need no renderer: what a log's detections say, painted red on grey as a camera
-//! would see it, in place of the detections.
+//! would see it, in place of the detections; as single pictures or, with the feature `h264`, as video.
 
 #![allow(clippy::unwrap_used)] // A fixture that cannot be made ends its test.
 
@@ -39,11 +39,33 @@ pub enum Flaw {
     CutPicture,
 }
 
+/// How pictures are recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coding {
+    /// Each as a JPEG.
+    Jpeg,
+    /// As H.264 with a key frame every so many pictures.
+    #[cfg(feature = "h264")]
+    H264 {
+        /// Pictures from key frame to key frame.
+        key_frame_each: u32,
+    },
+}
+
 /// Writes the first `seconds` of `log` to `out` with pictures in place of detections.
 ///
 /// # Panics
 /// The log cannot be read, or the other one not written.
 pub fn paint(log: &Path, out: &Path, seconds: i64, flaw: Flaw) {
+    paint_as(log, out, seconds, flaw, Coding::Jpeg);
+}
+
+/// The same with pictures recorded otherwise.
+///
+/// # Panics
+/// The log cannot be read, or the other one not written.
+pub fn paint_as(log: &Path, out: &Path, seconds: i64, flaw: Flaw, coding: Coding) {
+    let mut coder = Coder::new(coding);
     let index = LogIndex::open(log).unwrap();
     let mut messages: Vec<LogMessage> = Vec::new();
     let is_wanted = |_: usize, topic: &Topic| topic.kind != TopicKind::Unknown;
@@ -84,7 +106,11 @@ pub fn paint(log: &Path, out: &Path, seconds: i64, flaw: Flaw) {
             Payload::Detections(frame) => {
                 pictures += 1;
                 let is_cut = flaw == Flaw::CutPicture && pictures == 10;
-                write(TOPIC, FRAME, times, &picture(frame, is_cut));
+                let mut image = coder.encode(&painted(frame));
+                if is_cut {
+                    image.data.truncate(image.data.len() / 2);
+                }
+                write(TOPIC, FRAME, times, &coder.payload(image));
             }
             Payload::Vehicles(_) | Payload::Transforms { .. } => {}
             other => {
@@ -124,7 +150,8 @@ fn calibration(times: f64) -> Payload {
     })
 }
 
-fn picture(frame: &DetectionFrame, is_cut: bool) -> Payload {
+/// The picture as rows of red, green and blue.
+fn painted(frame: &DetectionFrame) -> Vec<u8> {
     let [width, height] = SIZE_PX.map(usize::from);
     let mut rgb = vec![90_u8; width * height * 3];
     for detection in &frame.detections {
@@ -132,17 +159,74 @@ fn picture(frame: &DetectionFrame, is_cut: bool) -> Payload {
             stroke(&mut rgb, ends[0], ends[1]);
         }
     }
-    let mut file = Vec::new();
-    Encoder::new(&mut file, 95)
-        .encode(&rgb, SIZE_PX[0], SIZE_PX[1], ColorType::Rgb)
-        .unwrap();
-    if is_cut {
-        file.truncate(file.len() / 2);
+    rgb
+}
+
+/// Encodes one picture after the other.
+enum Coder {
+    Jpeg,
+    #[cfg(feature = "h264")]
+    H264 {
+        encoder: Box<openh264::encoder::Encoder>,
+        key_frame_each: u32,
+        pictures: u32,
+    },
+}
+
+impl Coder {
+    fn new(coding: Coding) -> Self {
+        match coding {
+            Coding::Jpeg => Self::Jpeg,
+            #[cfg(feature = "h264")]
+            Coding::H264 { key_frame_each } => Self::H264 {
+                encoder: Box::new(openh264::encoder::Encoder::new().unwrap()),
+                key_frame_each,
+                pictures: 0,
+            },
+        }
     }
-    Payload::Image(CameraFrame::Encoded(EncodedImage {
-        format: "jpeg".to_owned(),
-        data: file.into(),
-    }))
+
+    fn encode(&mut self, rgb: &[u8]) -> EncodedImage {
+        match self {
+            Self::Jpeg => {
+                let mut file = Vec::new();
+                Encoder::new(&mut file, 95)
+                    .encode(rgb, SIZE_PX[0], SIZE_PX[1], ColorType::Rgb)
+                    .unwrap();
+                image("jpeg", file)
+            }
+            #[cfg(feature = "h264")]
+            Self::H264 {
+                encoder,
+                key_frame_each,
+                pictures,
+            } => {
+                use openh264::formats::{RgbSliceU8, YUVBuffer};
+                if pictures.is_multiple_of(*key_frame_each) {
+                    encoder.force_intra_frame();
+                }
+                *pictures += 1;
+                let source = RgbSliceU8::new(rgb, SIZE_PX.map(usize::from).into());
+                let yuv = YUVBuffer::from_rgb8_source(source);
+                image("h264", encoder.encode(&yuv).unwrap().to_vec())
+            }
+        }
+    }
+
+    fn payload(&self, image: EncodedImage) -> Payload {
+        Payload::Image(match self {
+            Self::Jpeg => CameraFrame::Encoded(image),
+            #[cfg(feature = "h264")]
+            Self::H264 { .. } => CameraFrame::Video(image),
+        })
+    }
+}
+
+fn image(format: &str, data: Vec<u8>) -> EncodedImage {
+    EncodedImage {
+        format: format.to_owned(),
+        data: data.into(),
+    }
 }
 
 /// Paints a piece of a line (metres in the vehicle frame), densely, row by row of the picture.

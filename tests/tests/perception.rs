@@ -298,3 +298,44 @@ fn everything_that_is_wrong_with_a_camera_log_is_said() {
     );
     assert_eq!(cut.matches("cut off").count(), 1, "{cut}");
 }
+
+#[cfg(feature = "h264")]
+#[test]
+fn video_gives_the_evidence_that_pictures_give() {
+    use tilefold_tests::pictures::{Coding, paint_as};
+
+    let scene = Scene::new();
+    let red = perception(&card());
+    let stills = scene.store("stills");
+    see(&stills, &scene.log(Flaw::None), &red);
+    let video = |name: &str, flaw: Flaw| {
+        let log = scene.folder.path().join(format!("{name}.mcap"));
+        let coding = Coding::H264 { key_frame_each: 20 };
+        paint_as(&scene.drive, &log, SECONDS, flaw, coding);
+        let store = scene.store(name);
+        let report = see(&store, &log, &red);
+        (store, report)
+    };
+    let (store, report) = video("video", Flaw::None);
+    assert_eq!(reasons(&report), "");
+    let frames = |store: &Path| -> i32 { rows(store).0.iter().map(|chunk| chunk.frames).sum() };
+    assert_eq!(frames(&store), frames(&stills));
+    // Video is not as sharp as the JPEGs: a few lines less may be seen.
+    let hits = |store: &Path| -> i32 { rows(store).1.iter().map(|row| row.hit).sum() };
+    let (seen, of) = (hits(&store), hits(&stills));
+    assert!(f64::from(seen) > 0.9 * f64::from(of), "{seen} of {of}");
+
+    // A damaged picture takes those with it that build on it, and they are counted.
+    let (_, report) = video("cut", Flaw::CutPicture);
+    let said = reasons(&report);
+    assert_eq!(
+        said.matches("of H.264 video cannot be decoded").count(),
+        11,
+        "{said}"
+    );
+    assert_eq!(
+        said.matches("key frame that it builds on").count(),
+        10,
+        "{said}"
+    );
+}

@@ -18,6 +18,10 @@ const SIDE_M: f64 = 12.0;
 /// Lines that cross the vehicle's direction more steeply are not lines along it (tangent of 20
 /// degrees).
 pub(crate) const MAX_SLOPE: f64 = 0.364;
+/// Nor are seen lines, where they do so over this much to either side of a cut, in metres: less
+/// strictly (26 degrees), as they are seen less well than mapped.
+const SEEN_MAX_SLOPE: f64 = 0.488;
+const SEEN_BASE_M: f64 = 2.0;
 
 /// A line crossing one range ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,11 +88,16 @@ pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
     let cut_line = |(line, seen): (usize, &SeenLine)| {
         let mut cuts = Vec::with_capacity(RANGES_M.len());
         for (range, &range_m) in RANGES_M.iter().enumerate() {
-            cuts.extend(seen.lateral_m(range_m).map(|lateral_m| Cut {
-                range,
-                lateral_m,
-                station_m: 0.0,
-            }));
+            let lateral_m = seen.lateral_m(range_m);
+            cuts.extend(
+                lateral_m
+                    .filter(|_| runs_along(seen, range_m))
+                    .map(|lateral_m| Cut {
+                        range,
+                        lateral_m,
+                        station_m: 0.0,
+                    }),
+            );
         }
         let ahead_m = [seen.points_m.first()?[0], seen.points_m.last()?[0]];
         (!cuts.is_empty()).then_some(CutLine {
@@ -98,6 +107,20 @@ pub fn cut_seen(lines: &[SeenLine]) -> Vec<CutLine> {
         })
     };
     lines.iter().enumerate().filter_map(cut_line).collect()
+}
+
+/// Whether a seen line runs along the vehicle's direction at a range.
+fn runs_along(seen: &SeenLine, range_m: f64) -> bool {
+    let Some((first, last)) = seen.points_m.first().zip(seen.points_m.last()) else {
+        return false;
+    };
+    let from_m = (range_m - SEEN_BASE_M).max(first[0]);
+    let to_m = (range_m + SEEN_BASE_M).min(last[0]);
+    let ends = seen.lateral_m(from_m).zip(seen.lateral_m(to_m));
+    // Of a piece shorter than the base nothing can be said.
+    ends.is_none_or(|(from, to)| {
+        to_m - from_m < SEEN_BASE_M || (to - from).abs() <= SEEN_MAX_SLOPE * (to_m - from_m)
+    })
 }
 
 /// Cuts the map lines around a pose.

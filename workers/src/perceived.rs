@@ -1,8 +1,9 @@
 //! From observations to detections: what was seen in pictures is tracked, named, and laid out as if
 //! it had been detected on the vehicle, so that all that follows is the same.
 //!
-//! Only what belongs to a believed track is handed on. Boxes of paint become outlines on the road,
-//! vehicles become outlines that hide it.
+//! Only what belongs to a believed track is handed on, but for vehicles: what one picture alone takes
+//! for a vehicle may hide the road, and what is not seen behind it must not speak against the map.
+//! Boxes of paint become outlines on the road, vehicles become outlines that hide it.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -132,12 +133,11 @@ pub(crate) fn perceived<'a>(recording: &'a Recording, tree: &FrameTree) -> Perce
             space: DetectionSpace::Pixels,
             detections: detections.collect(),
         }));
-        let vehicles = named
-            .iter()
-            .filter(|(_, tracked)| tracked.seen == Seen::Vehicle);
+        let observations = frame.value.observations.iter();
+        let vehicles = observations.filter(|observation| observation.seen == Seen::Vehicle);
         seen.vehicles.push(frame.with(VehicleFrame {
             space: DetectionSpace::Pixels,
-            vehicles: vehicles.map(|(vehicle, _)| corners(vehicle)).collect(),
+            vehicles: vehicles.map(corners).collect(),
         }));
     }
     seen.settle();
@@ -178,5 +178,60 @@ fn corners(observation: &Observation) -> Vec<[f64; 3]> {
             ]
         }
         Place::Line(points) => points.iter().map(|&[x, y]| [x, y, 0.0]).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn observation(seen: Seen, place: Place) -> Observation {
+        Observation {
+            seen,
+            place,
+            score: 0.7,
+            marking: Vec::new(),
+            color: Vec::new(),
+            appearance: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn one_picture_is_enough_for_a_vehicle_but_not_for_a_line() {
+        let edges = [300.0, 150.0, 380.0, 230.0];
+        let frame = |number: i64| {
+            let mut observations = Vec::new();
+            if number == 4 {
+                let line = Place::Line(vec![[200.0, 350.0], [260.0, 220.0]]);
+                observations.push(observation(Seen::LaneMarking, line));
+                observations.push(observation(Seen::Vehicle, Place::Box(edges)));
+            }
+            Stamped {
+                stamp_ns: number * 100_000_000,
+                frame_id: String::new(),
+                digest: 0,
+                value: ObservationFrame {
+                    size_px: [640, 360],
+                    observations,
+                },
+            }
+        };
+        let mut recording = Recording::default();
+        recording.observations.extend((0..9).map(frame));
+        let perceived = perceived(&recording, &FrameTree::default());
+        let hidden = |frame: &Stamped<VehicleFrame>| frame.value.vehicles.len();
+        let vehicles: Vec<usize> = perceived.recording.vehicles.iter().map(hidden).collect();
+        assert_eq!(vehicles, [0, 0, 0, 0, 1, 0, 0, 0, 0]);
+        let [left, top, right, bottom] = edges;
+        let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        let seen = &perceived.recording.vehicles[4].value.vehicles[0];
+        assert_eq!(*seen, corners.map(|[x, y]| [x, y, 0.0]));
+        let lines = perceived.recording.detections.iter();
+        assert_eq!(
+            lines
+                .map(|frame| frame.value.detections.len())
+                .sum::<usize>(),
+            0
+        );
     }
 }

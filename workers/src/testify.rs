@@ -307,8 +307,12 @@ fn hit(
     pair: &Match,
 ) {
     row.hit += 1;
-    let seen = &frame.look.lines[frame.cross_cut.seen[pair.seen].line];
-    row.seen[seen.marking.code() as usize] += 1;
+    // A line is read as a whole: where it runs over the border of two ways, or may be either of two,
+    // the reading is that of the other as well.
+    if pair.is_main && !pair.is_ambiguous {
+        let seen = &frame.look.lines[frame.cross_cut.seen[pair.seen].line];
+        row.seen[seen.marking.code() as usize] += 1;
+    }
     // Left of the vehicle is right of an element that runs against it.
     let tangent = local.line.at(station_m).tangent;
     let (sin, cos) = frame.look.pose.yaw_rad.sin_cos();

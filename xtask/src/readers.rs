@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::command::{Failure, Step};
 use crate::python;
+use crate::test;
 
 /// What is installed, with versions and hashes.
 const REQUIREMENTS: &str = "xtask/readers.txt";
@@ -17,10 +18,12 @@ pub(crate) fn run(root: &Path) -> Result<(), Failure> {
     let readers = readers(root)?;
     let failing = "The failing test is named above";
     for words in [
-        "test --workspace --test cli -- --ignored readers::",
-        "test --workspace --lib -- --ignored other_readers",
+        "--test cli -- --ignored readers::",
+        "--lib -- --ignored other_readers",
     ] {
-        Step::cargo(root, words)
+        Step::cargo(root, "test")
+            .args(test::ALL)
+            .args(words.split(' '))
             .env("PYTHONPATH", &readers)
             .run(failing)?;
     }

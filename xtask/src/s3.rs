@@ -9,6 +9,7 @@ use std::process::{Child, Command, Stdio};
 
 use crate::command::{Failure, Step};
 use crate::python;
+use crate::test;
 
 /// The version of moto; the same as in `xtask/moto.txt`.
 const MOTO: &str = "5.2.5";
@@ -18,8 +19,10 @@ const BY_HAND: &str = "Python 3.10 or later with pip and PyPI in reach are neede
 /// Starts the server and runs the tests that need it.
 pub(crate) fn run(root: &Path) -> Result<(), Failure> {
     let server = Server::start(root, &moto(root)?)?;
-    let words = "test --workspace --test cli -- --ignored buckets::";
-    let mut tests = Step::cargo(root, words);
+    let words = "--test cli -- --ignored buckets::";
+    let mut tests = Step::cargo(root, "test")
+        .args(test::ALL)
+        .args(words.split(' '));
     for (key, value) in &server.environment {
         tests = tests.env(key, value.as_str());
     }

@@ -13,8 +13,9 @@ use crate::readers;
 use crate::s3;
 use crate::setup;
 
-/// What is tested: also what the default build leaves out.
-const ALL: [&str; 3] = ["--workspace", "--features", "tilefold-formats/h264"];
+/// What is tested: also what the default build leaves out. Who tests a part names the same, so that
+/// nothing is compiled anew.
+pub(crate) const ALL: [&str; 3] = ["--workspace", "--features", "tilefold-tests/h264"];
 
 /// The program as the tests have it, so that nothing is built twice for those that run it.
 pub(crate) fn build(root: &Path) -> Result<(), Failure> {

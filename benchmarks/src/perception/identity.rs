@@ -30,12 +30,17 @@ struct Counts {
     things: u64,
     tracks: u64,
     switches: u64,
+    /// Pictures in which any track has the thing: no choice of tracks has more together.
+    found: u64,
 }
 
 /// How well things are kept apart.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Identity {
     pub(super) idf1: f64,
+    /// What it would be if tracks never took one thing for another: what is left is not seen.
+    pub(super) ceiling: f64,
+    /// How often a thing went from a track to another that did not have it before.
     pub(super) switches: u64,
     /// Sightings of things: thing times picture.
     pub(super) sightings: u64,
@@ -78,14 +83,16 @@ impl Lives {
             own.things += counts.things;
             own.tracks += counts.tracks;
             own.switches += counts.switches;
+            own.found += counts.found;
         }
     }
 
     pub(super) fn identities(&self) -> BTreeMap<&'static str, Identity> {
         let identity = |(kind, counts): (&&'static str, &Counts)| {
-            let of = (counts.things + counts.tracks).max(1);
+            let of = (counts.things + counts.tracks).max(1) as f64;
             let identity = Identity {
-                idf1: 2.0 * counts.together as f64 / of as f64,
+                idf1: 2.0 * counts.together as f64 / of,
+                ceiling: 2.0 * counts.found as f64 / of,
                 switches: counts.switches,
                 sightings: counts.things,
             };
@@ -248,8 +255,7 @@ fn count(
     // Hits that tracks and things have in common.
     let mut numbers: BTreeMap<Thing, usize> = BTreeMap::new();
     let mut common: Vec<BTreeMap<usize, u64>> = Vec::new();
-    let mut last: BTreeMap<Thing, (usize, usize)> = BTreeMap::new();
-    let mut hits: Vec<(usize, usize, Thing)> = Vec::new();
+    let mut hits: Vec<(Thing, usize, usize)> = Vec::new();
     for (number, track) in tracks.iter().filter(is_kind).enumerate() {
         counts.tracks += track.hits.len() as u64;
         let mut of_track: BTreeMap<usize, u64> = BTreeMap::new();
@@ -259,21 +265,30 @@ fn count(
                 *of_track
                     .entry(*numbers.entry(thing).or_insert(next))
                     .or_default() += 1;
-                hits.push((frame, number, thing));
+                hits.push((thing, frame, number));
             }
         }
         common.push(of_track);
     }
     hits.sort_unstable();
-    for (frame, number, thing) in hits {
-        if let Some((_, before)) = last.insert(thing, (frame, number))
-            && before != number
-        {
-            counts.switches += 1;
-        }
-    }
+    (counts.found, counts.switches) = found_and_switched(&hits);
     counts.together = most_in_common(&common, numbers.len());
     counts
+}
+
+/// Pictures of things with a track, and how often none of a thing's tracks in a picture was among
+/// those of the picture before: a line may be seen in two pieces. Hits are in order.
+fn found_and_switched(hits: &[(Thing, usize, usize)]) -> (u64, u64) {
+    let pictures: Vec<_> = hits.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).collect();
+    let is_switch = |pair: &&[&[(Thing, usize, usize)]]| {
+        let is_same = |(thing, _, track): &(Thing, usize, usize)| {
+            let before = pair[0].iter();
+            before.clone().any(|hit| (hit.0, hit.2) == (*thing, *track))
+        };
+        pair[0][0].0 == pair[1][0].0 && !pair[1].iter().any(is_same)
+    };
+    let switches = pictures.windows(2).filter(is_switch).count();
+    (pictures.len() as u64, switches as u64)
 }
 
 /// The most hits that tracks and things have in common when each has at most one partner.
@@ -308,6 +323,18 @@ mod tests {
         // 4 with 1 and 5 with 0 are more than 6 alone.
         assert_eq!(most_in_common(&common, 2), 9);
         assert_eq!(most_in_common(&[], 0), 0);
+    }
+
+    #[test]
+    fn a_line_in_two_pieces_is_no_switch() {
+        let line = ("lines", 1);
+        // Tracks 4 and 5 in the first picture, 5 in the next, 6 in the one after; another line.
+        let hits = [(line, 0, 4), (line, 0, 5), (line, 1, 5), (line, 2, 6)];
+        assert_eq!(found_and_switched(&hits), (3, 1));
+        assert_eq!(
+            found_and_switched(&[(line, 0, 4), (("lines", 2), 1, 5)]),
+            (2, 0)
+        );
     }
 
     #[test]

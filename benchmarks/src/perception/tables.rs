@@ -56,14 +56,14 @@ fn conditions(page: &mut String, result: &RawResult) {
 
 fn tracking(page: &mut String, result: &RawResult) {
     page.push_str(
-        "\n| followed | by | IDF1 | switches | sightings |\n| --- | --- | --- | --- | --- |\n",
+        "\n| followed | by | IDF1 | if no track erred | switches | sightings |\n| --- | --- | --- | --- | --- | --- |\n",
     );
     for (way, by_kind) in &result.tracking {
         for (kind, identity) in by_kind {
             let _ = writeln!(
                 page,
-                "| {kind} | {way} | {:.3} | {} | {} |",
-                identity.idf1, identity.switches, identity.sightings
+                "| {kind} | {way} | {:.3} | {:.3} | {} | {} |",
+                identity.idf1, identity.ceiling, identity.switches, identity.sightings
             );
         }
     }

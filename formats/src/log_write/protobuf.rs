@@ -27,7 +27,10 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
         Payload::Image(CameraFrame::Encoded(image)) => {
             message("foxglove.CompressedImage", &compressed_image(entry, image)?)
         }
-        Payload::Image(_) => Err(lacking("raw images and video")),
+        Payload::Image(CameraFrame::Video(image)) => {
+            message("foxglove.CompressedVideo", &compressed_video(entry, image)?)
+        }
+        Payload::Image(CameraFrame::Raw(_)) => Err(lacking("raw images")),
         Payload::Imu(_) => Err(lacking("an inertial measurement")),
         Payload::Detections(_) => Err(lacking("detections here")),
         Payload::Vehicles(frame) => super::detections::encode_vehicles(entry, frame),
@@ -155,6 +158,18 @@ fn compressed_image(
     image: &EncodedImage,
 ) -> Result<fox::CompressedImage, LogWriteError> {
     Ok(fox::CompressedImage {
+        timestamp: Some(timestamp(entry.stamp_ns)?),
+        frame_id: entry.frame_id.to_owned(),
+        data: Bytes::clone(&image.data),
+        format: image.format.clone(),
+    })
+}
+
+fn compressed_video(
+    entry: &Entry<'_>,
+    image: &EncodedImage,
+) -> Result<fox::CompressedVideo, LogWriteError> {
+    Ok(fox::CompressedVideo {
         timestamp: Some(timestamp(entry.stamp_ns)?),
         frame_id: entry.frame_id.to_owned(),
         data: Bytes::clone(&image.data),

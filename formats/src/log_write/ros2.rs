@@ -36,7 +36,8 @@ pub(super) fn encode(entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {
         Payload::Transforms { transforms, .. } => tf_message(&mut cdr, entry, transforms)?,
         Payload::Calibration(calibration) => camera_info(&mut cdr, entry, calibration)?,
         Payload::Image(CameraFrame::Encoded(image)) => compressed_image(&mut cdr, entry, image)?,
-        Payload::Image(_) => return Err(lacking("raw images and video")),
+        Payload::Image(CameraFrame::Video(image)) => compressed_video(&mut cdr, entry, image)?,
+        Payload::Image(CameraFrame::Raw(_)) => return Err(lacking("raw images")),
         Payload::Detections(_) => return Err(lacking("detections")),
         Payload::Vehicles(_) => return Err(lacking("other vehicles")),
     };
@@ -200,5 +201,19 @@ fn compressed_image(
     Ok((
         "sensor_msgs/msg/CompressedImage",
         include_str!("msg/CompressedImage.msg"),
+    ))
+}
+
+fn compressed_video(
+    cdr: &mut Cdr,
+    entry: &Entry<'_>,
+    image: &EncodedImage,
+) -> Result<Schema, LogWriteError> {
+    header(cdr, entry.stamp_ns, entry.frame_id)?;
+    cdr.octets(&image.data);
+    cdr.string(&image.format);
+    Ok((
+        "foxglove_msgs/msg/CompressedVideo",
+        include_str!("msg/CompressedVideo.msg"),
     ))
 }

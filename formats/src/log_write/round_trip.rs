@@ -75,6 +75,13 @@ fn image() -> Payload {
     }))
 }
 
+fn video() -> Payload {
+    Payload::Image(CameraFrame::Video(EncodedImage {
+        format: "h264".to_owned(),
+        data: Bytes::from_static(&[0, 0, 0, 1, 0x65, 1, 2, 3]),
+    }))
+}
+
 fn detection(kind: ElementKind, marking: Marking, sign: SignClass) -> Detection {
     Detection {
         kind,
@@ -166,6 +173,7 @@ fn ros_2_messages_come_back() {
         ("/tf_static", "", transforms()),
         ("/camera_info", "camera", calibration()),
         ("/image", "camera", image()),
+        ("/video", "camera", video()),
         (
             "/lanes",
             "base_link",
@@ -184,6 +192,7 @@ fn foxglove_messages_come_back() {
         ("/tf_static", "", transforms()),
         ("/calibration", "camera", calibration()),
         ("/image", "camera", image()),
+        ("/video", "camera", video()),
         (
             "/lanes",
             "base_link",

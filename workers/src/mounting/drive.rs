@@ -108,9 +108,12 @@ impl<'a> Drive<'a> {
 
     /// What is found from one start, and its score; none if that is nothing.
     fn from(&self, start: [f64; 4], stated: Mounting) -> Option<(f64, Mounting)> {
-        let (_, is_observed, _) = self.settle(start, [true; 4])?;
+        let mut settled = self.settle(start, [true; 4])?;
         // What is not observed must not take part in what is.
-        let (correction, is_observed, sigma) = self.settle(start, is_observed)?;
+        if settled.1 != [true; 4] {
+            settled = self.settle(start, settled.1)?;
+        }
+        let (correction, is_observed, sigma) = settled;
         let laid = self.lay(correction);
         let is_within = (0..4).all(|k| correction[k].abs() < BOUNDS[k]);
         let mounting = Mounting {
@@ -129,9 +132,14 @@ impl<'a> Drive<'a> {
     fn settle(&self, start: [f64; 4], free: [bool; 4]) -> Option<Settled> {
         let mut at = [0, 1, 2, 3].map(|k| if free[k] { start[k] } else { 0.0 });
         let mut covariance = Matrix4::zeros();
+        let mut slopes = Slopes::new(self, at);
         for round in 0..ROUNDS {
             let scale_m = ROBUST_SCALES_M[round.min(ROBUST_SCALES_M.len() - 1)];
-            let (mut normal, mut downhill) = self.normal_equations(at, scale_m);
+            // In the rounds of the last scale it moves too little for the slopes to change.
+            if (1..ROBUST_SCALES_M.len()).contains(&round) {
+                slopes = Slopes::new(self, at);
+            }
+            let (mut normal, mut downhill) = self.normal_equations(at, &slopes, scale_m);
             for k in 0..4 {
                 hold(k, free[k], at[k], &mut normal, &mut downhill);
             }
@@ -219,8 +227,12 @@ impl<'a> Drive<'a> {
     }
 
     /// Information about the correction at `at`, and which way is downhill.
-    fn normal_equations(&self, at: [f64; 4], scale_m: f64) -> (Matrix4<f64>, Vector4<f64>) {
-        let slopes = Slopes::new(self, at);
+    fn normal_equations(
+        &self,
+        at: [f64; 4],
+        slopes: &Slopes,
+        scale_m: f64,
+    ) -> (Matrix4<f64>, Vector4<f64>) {
         let mut normal = Matrix4::zeros();
         let mut downhill = Vector4::zeros();
         for pairs in self.lay(at).pairs.chunk_by(|a, b| a.frame == b.frame) {
