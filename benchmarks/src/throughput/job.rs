@@ -51,7 +51,7 @@ pub(crate) struct Job {
     pub(crate) peak_bytes: u64,
     /// Bytes of the data files of each table that it left.
     pub(crate) table_bytes: Vec<(String, u64)>,
-    /// What the program says of itself.
+    /// What the program says of itself, but for what it says of single files.
     pub(crate) report: Value,
 }
 
@@ -130,8 +130,16 @@ pub(crate) fn measure(
         system_s: used.rusage.stime.as_secs_f64(),
         peak_bytes: used.rusage.maxrss,
         table_bytes: table_bytes(&store)?,
-        report: serde_json::from_slice(&fs::read(said)?)?,
+        report: figures(serde_json::from_slice(&fs::read(said)?)?),
     })
+}
+
+/// A report without its lists of files.
+fn figures(mut report: Value) -> Value {
+    if let Some(fields) = report.as_object_mut() {
+        fields.retain(|name, value| name == "stages" || !value.is_array());
+    }
+    report
 }
 
 /// What was set aside is no failure here.
