@@ -34,15 +34,20 @@ def rates(path):
     tables = dict(turns[0]["table_bytes"])
     rows = stage("exchange", "items")
     shares = {s["stage"]: stage(s["stage"], "busy_s") for s in turns[0]["report"]["stages"]}
+    processor_s = of(lambda job: job["user_s"] + job["system_s"])
+    folding = shares["exchange"] + shares["reduce"] + shares["commit"]
     return {
         "km": km,
-        "core_s_km": of(lambda job: job["user_s"] + job["system_s"]) / km,
+        "core_s_km": processor_s / km,
         "log_mb_km": turns[0]["log_bytes"] * 1e-6 / km,
         "ledger_kb_km": sum(tables.get(name, 0) for name in ("evidence", "sightings", "footprints", "chunks")) * 1e-3 / km,
         "rows_km": rows / km,
         "frames_km": stage("map", "items") / km,
-        "serial_s_km": shares["commit"] / km,
-        "reduce_share": (shares["reduce"] + shares["exchange"] + shares["commit"]) / sum(shares.values()),
+        # Busy time includes waiting for the processor: only its shares are taken.
+        "serial_s_km": processor_s * shares["commit"] / sum(shares.values()) / km,
+        "fold_s_row": processor_s * folding / sum(shares.values()) / rows,
+        "fold_us_row": 1e6 * processor_s * folding / sum(shares.values()) / rows,
+        "reduce_share": folding / sum(shares.values()),
     }
 
 
@@ -56,14 +61,18 @@ def number(value):
 
 def fleet(vehicles, rate):
     km = vehicles * KM_A_DAY
-    core_h = km * rate["core_s_km"] / 3600
+    map_h = km * rate["core_s_km"] / 3600
+    kept_rows = km * rate["rows_km"] * LEDGER_DAYS
+    fold_h = kept_rows * rate["fold_s_row"] / 3600
+    core_h = map_h + fold_h
     ledger_gb = km * rate["ledger_kb_km"] * 1e-6
     logs_gb = km * rate["log_mb_km"] * 1e-3
     files = ROADS_KM[vehicles] / 150
     return {
         "kilometres": number(km),
         "passes over a kilometre of road": number(km / ROADS_KM[vehicles]),
-        "core hours": number(core_h),
+        "core hours for the day's logs": number(map_h),
+        "core hours to fold all kept rows again": number(fold_h),
         f"cores for a night of {NIGHT_H} h": number(core_h / NIGHT_H),
         f"machines of {CORES_A_MACHINE} cores": number(-(-core_h / NIGHT_H // CORES_A_MACHINE)),
         "logs, GB a day": number(logs_gb),
@@ -75,8 +84,8 @@ def fleet(vehicles, rate):
         "$ a day for a vehicle": number(
             (core_h * CORE_HOUR + ledger_gb * LEDGER_DAYS * GB_MONTH_LEDGER / 30 + logs_gb * LOG_DAYS * GB_MONTH_LOGS / 30) / vehicles
         ),
-        "rows kept in one data file, million": number(km * rate["rows_km"] * LEDGER_DAYS / files * 1e-6),
-        "memory to rewrite it, GB": number(km * rate["rows_km"] * LEDGER_DAYS / files * BYTES_A_ROW * 1e-9),
+        "rows kept in one data file, million": number(kept_rows / files * 1e-6),
+        "memory to rewrite it, GB": number(kept_rows / files * BYTES_A_ROW * 1e-9),
     }
 
 
@@ -94,7 +103,7 @@ def main():
     print("<!-- Made by benchmarks/city_model.py from raw figures in benchmarks/runs. Do not edit. -->\n")
     print(
         "A model, not a measurement: rates that were measured on one thread, times what a fleet drives. Logs carry detections that were made on the vehicle; "
-        "a network that looks at pictures costs [hundreds of times more](perception.md) and is not in it.\n"
+        "a network that looks at pictures costs far more and is not in it.\n"
     )
     print("## Measured\n")
     print(row("", "simulated city", "DeeCamp road"))
@@ -106,6 +115,7 @@ def main():
         ("logs, MB a kilometre", "log_mb_km"),
         ("ledger, kB a kilometre and pass", "ledger_kb_km"),
         ("ledger rows a kilometre and pass", "rows_km"),
+        ("processor microseconds a ledger row in exchange, reduce and commit", "fold_us_row"),
         ("share of exchange, reduce and commit in busy time", "reduce_share"),
     ]:
         print(row(name, number(city[key]), number(road[key])))
@@ -126,7 +136,9 @@ def main():
     passes = limits(city)
     print(
         f"- **One data file.** A job holds all rows of a data file that it rewrites. A machine of {MEMORY_A_MACHINE_GB} GB holds a file with "
-        f"{number(passes)} kept passes over each of its kilometres: beyond that, keep fewer days, or store at a finer level of tiles. This is the first limit that a dense fleet meets."
+        f"{number(passes)} kept passes over each of its kilometres: beyond that, keep fewer days, or store at a finer level of tiles. "
+        + " ".join(f"{vehicles:,} vehicles get there in {number(passes * ROADS_KM[vehicles] / vehicles / KM_A_DAY)} nights." for vehicles in FLEETS)
+        + " This is the first limit that a dense fleet meets."
     )
     print(
         "- **The driver.** It holds the sightings and footprints of the whole store, because what was added does not end at a tile's border. "
@@ -134,7 +146,11 @@ def main():
     )
     print(
         "- **One commit.** A job ends in one commit by one machine; its layers are written one file of tiles after the other. "
-        f"It took {number(1000 * city['serial_s_km'])} ms of busy time a kilometre, which a cluster does not divide; many small jobs meet each other as conflicts and fold again."
+        f"It took {number(1000 * city['serial_s_km'])} ms of processor time a kilometre, which a cluster does not divide; many small jobs meet each other as conflicts and fold again."
+    )
+    print(
+        "- **Old rows.** A fleet that touches every tile every night folds every row that is kept again, every night: the second line of core hours, "
+        "which grows with the days that are kept while the first does not. Sums per section that are kept beside the rows would end that; there are none."
     )
     print("- **Mapping has no such limit**: chunks know nothing of each other. Cores buy time one for one until the above takes over.")
     print("\nThe prices move with the market, the rates with the processor; the ratio of cores to storage is the part to trust.")

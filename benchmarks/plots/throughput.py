@@ -54,7 +54,8 @@ def growth(axes, sizes, limited):
         peak = [of(turns, lambda job: job["peak_bytes"]) for turns in runs]
         axes.loglog([c / count[0] for c in count], [t / time[0] for t in time], style, marker="o", color=BLUE, label="processor time" + name)
         axes.loglog([c / count[0] for c in count], [p / peak[0] for p in peak], style, marker="s", color=ORANGE, label="peak memory" + name)
-    axes.axline((1, 1), slope=1, color=GREY, linewidth=0.8, linestyle=":", label="as fast as the input")
+    most = max(of(turns, frames) for turns in sizes) / of(sizes[0], frames)
+    axes.loglog([1, most], [1, most], ":", color=GREY, linewidth=0.8, label="as fast as the input")
     axes.set_xlabel("frames, times the smallest")
     axes.set_ylabel("times the smallest")
     axes.legend(frameon=False, labelcolor=GREY, fontsize=8)
