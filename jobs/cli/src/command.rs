@@ -7,8 +7,8 @@ use clap::CommandFactory;
 use serde::Serialize;
 use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, overview, plots};
 use tilefold_engine::{
-    Criteria, FusionModel, InitOptions, Meter, Perception, RunOptions, evaluate, init, plan,
-    run_seeing,
+    Criteria, FusionModel, InitOptions, Limit, Meter, Perception, RunOptions, RunReport, evaluate,
+    init, plan, run_seeing, run_within,
 };
 use tilefold_formats::geojson::read_changes_file;
 use tilefold_formats::matching_truth::MatchingTruth;
@@ -19,8 +19,8 @@ use crate::args::{Args, Command, Runtime};
 use crate::at::{At, open};
 use crate::report::{Outcome, print, print_set_aside};
 use crate::{
-    calibration, compare, demo, detect, evaluation, explanation, export, inspect, progress, rebase,
-    reference, regions, retract, review, simulate, table, vacuum,
+    bench, calibration, compare, demo, detect, evaluation, explanation, export, inspect, progress,
+    rebase, reference, regions, retract, review, simulate, table, vacuum,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -72,6 +72,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             registration,
             detector,
             runtime,
+            memory,
             ..
         } => {
             let perception = perception(detector.as_deref(), runtime)?;
@@ -80,8 +81,14 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
                 registering: (*registration).into(),
                 as_of_ns: *as_of,
             };
-            run_logs(args, store, logs, options, perception.as_ref())
+            match *memory {
+                Some(bytes) => {
+                    run_limited(args, (store, logs), options, perception.as_ref(), bytes)
+                }
+                None => run_logs(args, store, logs, options, perception.as_ref()),
+            }
         }
+        Command::Bench(wanted) => bench::bench(args, wanted),
         Command::Detect(asked) => detect::detect_in(args, asked),
         Command::Doctor { cards, runtime } => detect::doctor(args, runtime, cards),
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
@@ -219,7 +226,28 @@ pub(crate) fn run_logs(
 ) -> Result<Outcome> {
     let progress = progress::listener(args.progress);
     let report = run_seeing(store, logs, options, perception, progress.as_ref())?;
-    print(args, &report, table::run)?;
+    tell(args, &report)
+}
+
+/// `run --memory`.
+fn run_limited(
+    args: &Args,
+    (store, logs): (&Path, &[PathBuf]),
+    options: RunOptions,
+    perception: Option<&Perception>,
+    bytes: u64,
+) -> Result<Outcome> {
+    let limit = Limit {
+        bytes,
+        folder: std::env::temp_dir(),
+    };
+    let progress = progress::listener(args.progress);
+    let report = run_within(store, logs, options, perception, &limit, progress.as_ref())?;
+    tell(args, &report)
+}
+
+fn tell(args: &Args, report: &RunReport) -> Result<Outcome> {
+    print(args, report, table::run)?;
     print_set_aside(&report.set_aside);
     Ok(Outcome::with(&report.set_aside))
 }

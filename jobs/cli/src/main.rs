@@ -2,6 +2,7 @@
 
 mod args;
 mod at;
+mod bench;
 mod calibration;
 mod command;
 mod compare;
