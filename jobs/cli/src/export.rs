@@ -96,9 +96,9 @@ fn amend(
         })?,
         None => write_amended(snapshot, records, map, form, &mut std::io::stdout().lock())?,
     };
-    eprintln!("{} changes are in it", amended.applied);
+    tell!("{} changes are in it", amended.applied);
     if amended.elsewhere > 0 {
-        eprintln!("{} are about other maps of the store", amended.elsewhere);
+        tell!("{} are about other maps of the store", amended.elsewhere);
     }
     print_set_aside(&amended.set_aside);
     Ok(match amended.set_aside.is_empty() {
@@ -135,10 +135,10 @@ fn show(
     };
     if let Some(path) = &asked.out {
         let written = records.len() - without;
-        eprintln!("wrote {written} features to {}", path.display());
+        tell!("wrote {written} features to {}", path.display());
     }
     if without > 0 {
-        eprintln!("{without} records without a geometry have no place in this form");
+        tell!("{without} records without a geometry have no place in this form");
     }
     Ok(Outcome::Done)
 }
