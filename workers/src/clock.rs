@@ -36,9 +36,6 @@ const PEAK_CELLS: i64 = 5;
 /// explain the whole drive, so its evidence counts for more.
 const LAG_WEIGHT: f64 = 2.0;
 
-/// Odds against the chosen lag beyond this are no more said, in nats: they overflow.
-const MAX_ODDS_NATS: f64 = 300.0;
-
 /// Log-prior of a lag in cells, in nats.
 fn prior_nats(lag: i64) -> f64 {
     let others = (MAX_LAG_CELLS - MIN_LAG_CELLS) as f64;
@@ -83,31 +80,62 @@ pub fn estimate(frames: &[SeenFrame], trajectory: &Trajectory, map: &LocalMap<'_
         .into_iter()
         .map(with_prior)
         .collect();
-    let best = |scores: &[(i64, f64)]| {
-        let better =
-            |a: &(i64, f64), b: &(i64, f64)| a.1.total_cmp(&b.1).then(b.0.abs().cmp(&a.0.abs()));
-        let peaks = scores.iter().copied().filter(|(lag, _)| !is_end(*lag));
-        peaks.max_by(better).unwrap_or((0, 0.0))
-    };
-    let (around, _) = best(&coarse);
+    let posterior = Posterior::new(&coarse);
+    let around = posterior.peak();
     let reach = COARSE_CELLS as i64 - 1;
     let fine = (around - reach..=around + reach)
         .filter(|lag| (lag - MIN_LAG_CELLS) % COARSE_CELLS as i64 != 0)
         .map(|lag| with_prior((lag, cells.score(lag, &mut receivers))));
-    let scores: LagScores = coarse.iter().copied().chain(fine).collect();
-    let (lag, top) = best(&scores);
-    // Posterior mass, each coarse lag standing for its neighbours.
-    let mass = |near: bool| -> f64 {
-        let of = coarse
-            .iter()
-            .filter(|(other, _)| ((other - lag).abs() <= PEAK_CELLS) == near);
-        of.map(|(_, score)| (score - top).min(MAX_ODDS_NATS).exp())
-            .sum()
-    };
-    let (inside, outside) = (mass(true).max(1.0), mass(false));
+    let near = coarse.iter().copied().filter(|(lag, _)| *lag == around);
+    let lag = likeliest(near.chain(fine)).unwrap_or(around);
     ClockOffset {
         lag_ns: lag * CELL_NS,
-        confidence: inside / (inside + outside),
+        confidence: posterior.near(around),
+    }
+}
+
+/// The lag with the most; the smaller one of equals.
+fn likeliest(scores: impl Iterator<Item = (i64, f64)>) -> Option<i64> {
+    let better =
+        |a: &(i64, f64), b: &(i64, f64)| a.1.total_cmp(&b.1).then(b.0.abs().cmp(&a.0.abs()));
+    scores.max_by(better).map(|(lag, _)| lag)
+}
+
+/// Posterior of the lags on the coarse grid.
+struct Posterior(Vec<(i64, f64)>);
+
+impl Posterior {
+    fn new(coarse: &[(i64, f64)]) -> Self {
+        let top = coarse
+            .iter()
+            .map(|(_, score)| *score)
+            .fold(f64::NEG_INFINITY, f64::max);
+        // No lag is one lag; any other one stands for its neighbours as well.
+        let mass = |&(lag, score): &(i64, f64)| {
+            let cells = if lag == 0 { 1 } else { COARSE_CELLS };
+            (lag, cells as f64 * (score - top).exp())
+        };
+        let masses: Vec<(i64, f64)> = coarse.iter().map(mass).collect();
+        let sum: f64 = masses.iter().map(|(_, mass)| mass).sum();
+        let share = |(lag, mass)| (lag, mass / sum);
+        Self(masses.into_iter().map(share).collect())
+    }
+
+    /// How likely a lag is, give or take a section's length.
+    fn near(&self, lag: i64) -> f64 {
+        let near = self
+            .0
+            .iter()
+            .filter(|(other, _)| (other - lag).abs() <= PEAK_CELLS);
+        near.map(|(_, share)| share).sum()
+    }
+
+    /// The likeliest lag where most of the posterior lies. A lag at an end of the grid is none.
+    fn peak(&self) -> i64 {
+        let inner = || self.0.iter().filter(|(lag, _)| !is_end(*lag));
+        let around = likeliest(inner().map(|&(lag, _)| (lag, self.near(lag)))).unwrap_or(0);
+        let near = inner().filter(|(lag, _)| (lag - around).abs() <= PEAK_CELLS);
+        likeliest(near.copied()).unwrap_or(0)
     }
 }
 

@@ -17,7 +17,7 @@ use crate::areas::outline;
 use crate::camera::Camera;
 use crate::frames::FrameTree;
 use crate::look;
-use crate::track::identity::{Confusions, class};
+use crate::track::identity::{Confusions, Reading, class, color, marking};
 use crate::track::{Track, Tracker};
 
 /// Marking and colour are read from what was seen so long before and after a frame, in nanoseconds.
@@ -55,30 +55,28 @@ fn names(
     frames: &[Stamped<ObservationFrame>],
     confusions: &Confusions,
 ) -> Vec<Tracked> {
-    let observed: Vec<(i64, &Observation)> = (track.hits.iter())
-        .map(|&(frame, index)| {
-            (
-                frames[frame].stamp_ns,
-                &frames[frame].value.observations[index],
-            )
-        })
+    let observed =
+        (track.hits.iter()).map(|&(frame, index)| &frames[frame].value.observations[index]);
+    let seen = class(observed.clone()).unwrap_or(Seen::LaneMarking);
+    let readings: Vec<Reading> = observed
+        .map(|observation| confusions.reading(observation))
         .collect();
-    let all = observed.iter().map(|(_, observation)| *observation);
-    let seen = class(all).unwrap_or(Seen::LaneMarking);
-    let around = |stamp_ns: i64| {
-        let from = observed.partition_point(|(ns, _)| *ns < stamp_ns - AROUND_NS);
-        let to = observed.partition_point(|(ns, _)| *ns <= stamp_ns + AROUND_NS);
-        observed[from..to]
-            .iter()
-            .map(|(_, observation)| *observation)
+    let stamps_ns: Vec<i64> = track
+        .hits
+        .iter()
+        .map(|hit| frames[hit.0].stamp_ns)
+        .collect();
+    let name = |&stamp_ns: &i64| {
+        let from = stamps_ns.partition_point(|ns| *ns < stamp_ns - AROUND_NS);
+        let to = stamps_ns.partition_point(|ns| *ns <= stamp_ns + AROUND_NS);
+        Tracked {
+            track: number,
+            seen,
+            marking: marking(&readings[from..to]),
+            color: color(&readings[from..to]),
+        }
     };
-    let name = |&(stamp_ns, _): &(i64, &Observation)| Tracked {
-        track: number,
-        seen,
-        marking: confusions.marking(around(stamp_ns)),
-        color: confusions.color(around(stamp_ns)),
-    };
-    observed.iter().map(name).collect()
+    stamps_ns.iter().map(name).collect()
 }
 
 /// A recording whose observations have become detections, and the frames for which that failed.

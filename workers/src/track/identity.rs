@@ -29,17 +29,14 @@ impl Confusion {
         Self((0..size).map(row).collect())
     }
 
-    /// Log-likelihood of each true class, for log-probabilities of what is seen.
-    fn log_likelihoods(&self, seen: &[f64]) -> Vec<f64> {
+    /// Log-likelihood of each true class, for log-probabilities of what is seen; none of others.
+    fn log_likelihoods(&self, seen: &[f64]) -> Option<Vec<f64>> {
+        let seen: Vec<f64> = seen.iter().map(|log| log.exp()).collect();
         let of = |row: &Vec<f64>| {
-            let sum: f64 = row
-                .iter()
-                .zip(seen)
-                .map(|(share, log)| share * log.exp())
-                .sum();
+            let sum: f64 = row.iter().zip(&seen).map(|(share, p)| share * p).sum();
             sum.max(1e-12).ln()
         };
-        self.0.iter().map(of).collect()
+        (seen.len() == self.0.len()).then(|| self.0.iter().map(of).collect())
     }
 }
 
@@ -61,43 +58,56 @@ impl Default for Confusions {
 }
 
 impl Confusions {
-    /// How a line is painted, from the observations around a frame.
+    /// What an observation says of every marking and colour that may be there.
     #[must_use]
-    pub fn marking<'a>(&self, around: impl Iterator<Item = &'a Observation>) -> Marking {
-        let sure = likeliest(
-            &self.marking,
-            around.map(|observation| &observation.marking),
-        );
-        sure.map_or(Marking::Unknown, |index| MARKINGS[index])
-    }
-
-    /// Its colour.
-    #[must_use]
-    pub fn color<'a>(&self, around: impl Iterator<Item = &'a Observation>) -> Color {
-        let sure = likeliest(&self.color, around.map(|observation| &observation.color));
-        sure.map_or(Color::Unknown, |index| COLORS[index])
+    pub fn reading(&self, observation: &Observation) -> Reading {
+        Reading {
+            marking: self.marking.log_likelihoods(&observation.marking),
+            color: self.color.log_likelihoods(&observation.color),
+        }
     }
 }
 
+/// Log-likelihoods of markings and colours by one observation, each none if it says nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reading {
+    marking: Option<Vec<f64>>,
+    color: Option<Vec<f64>>,
+}
+
+/// How a line is painted, from the readings around a frame.
+#[must_use]
+pub fn marking(around: &[Reading]) -> Marking {
+    let sure = likeliest(
+        around
+            .iter()
+            .filter_map(|reading| reading.marking.as_deref()),
+    );
+    sure.map_or(Marking::Unknown, |index| MARKINGS[index])
+}
+
+/// Its colour.
+#[must_use]
+pub fn color(around: &[Reading]) -> Color {
+    let sure = likeliest(around.iter().filter_map(|reading| reading.color.as_deref()));
+    sure.map_or(Color::Unknown, |index| COLORS[index])
+}
+
 /// The class of the greatest posterior over equal priors, if it is sure.
-fn likeliest<'a>(confusion: &Confusion, seen: impl Iterator<Item = &'a Vec<f64>>) -> Option<usize> {
-    let size = confusion.0.len();
-    let mut sums = vec![0.0; size];
+fn likeliest<'a>(readings: impl Iterator<Item = &'a [f64]>) -> Option<usize> {
+    let mut sums: Vec<f64> = Vec::new();
     let mut count = 0_u32;
-    for seen in seen.filter(|seen| seen.len() == size) {
-        let of_frame = confusion.log_likelihoods(seen);
+    for reading in readings {
+        sums.resize(reading.len(), 0.0);
         sums.iter_mut()
-            .zip(of_frame)
+            .zip(reading)
             .for_each(|(sum, value)| *sum += value);
         count += 1;
-    }
-    if count == 0 {
-        return None;
     }
     // The first frame counts whole.
     let count = f64::from(count);
     let weight = (1.0 + INDEPENDENT * (count - 1.0)) / count;
-    let best = (0..size).max_by(|a, b| sums[*a].total_cmp(&sums[*b]).then(b.cmp(a)))?;
+    let best = (0..sums.len()).max_by(|a, b| sums[*a].total_cmp(&sums[*b]).then(b.cmp(a)))?;
     let norm: f64 = sums
         .iter()
         .map(|sum| ((sum - sums[best]) * weight).exp())
@@ -143,12 +153,12 @@ mod tests {
     #[test]
     fn one_confused_frame_does_not_outvote_the_others() {
         let confusions = Confusions::default();
-        let track: Vec<_> = [0.9, 0.8, 0.05, 0.85].map(line).into();
-        assert_eq!(confusions.marking(track.iter()), Marking::Dashed);
-        assert_eq!(confusions.color(track.iter()), Color::Unknown);
+        let track = [0.9, 0.8, 0.05, 0.85].map(|dashed| confusions.reading(&line(dashed)));
+        assert_eq!(marking(&track), Marking::Dashed);
+        assert_eq!(color(&track), Color::Unknown);
         // What says nothing stays unknown.
-        let vague = [line(1.0 / 7.0)];
-        assert_eq!(confusions.marking(vague.iter()), Marking::Unknown);
-        assert_eq!(confusions.marking([].iter()), Marking::Unknown);
+        let vague = [confusions.reading(&line(1.0 / 7.0))];
+        assert_eq!(marking(&vague), Marking::Unknown);
+        assert_eq!(marking(&[]), Marking::Unknown);
     }
 }
