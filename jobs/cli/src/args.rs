@@ -739,7 +739,7 @@ impl std::fmt::Debug for Salt {
 /// Nanoseconds since the Unix epoch.
 fn time(text: &str) -> Result<i64, String> {
     let time = chrono::DateTime::parse_from_rfc3339(text)
-        .map_err(|error| format!("{error}; give a time like 2026-03-15T00:00:00Z"))?;
+        .map_err(|_| "no time; give one like 2026-03-15T00:00:00Z".to_owned())?;
     time.timestamp_nanos_opt()
         .ok_or_else(|| "a year between 1678 and 2262 is needed".to_owned())
 }

@@ -240,6 +240,11 @@ fn run_logs(
     };
     print(args, &report, table::run)?;
     print_set_aside(&report.set_aside);
+    if report.logs == 0 && !logs.is_empty() {
+        tell!(
+            "no log could be read: give MCAP files, or folders that they lie in; nothing was done"
+        );
+    }
     Ok(Outcome::with(&report.set_aside))
 }
 

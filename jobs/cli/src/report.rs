@@ -9,6 +9,9 @@ use tilefold_schemas::limits::MAX_SET_ASIDE_LISTED;
 
 use crate::args::{Args, Format};
 
+/// Lines of what is usual that are listed.
+const USUAL_LISTED: usize = 3;
+
 /// Says a line on standard error, as `eprintln!`; but where nobody listens any more, it is not said.
 macro_rules! tell {
     ($($part:tt)*) => {
@@ -95,19 +98,42 @@ pub(crate) fn print_set_aside(set_aside: &[SetAside]) {
         return;
     }
     let count: u64 = set_aside.iter().map(|loss| loss.count).sum();
-    tell!("set aside: {count} (the rest was used)");
-    for loss in set_aside.iter().take(MAX_SET_ASIDE_LISTED) {
+    tell!("set aside: {count}");
+    let (damage, usual): (Vec<_>, Vec<_>) =
+        set_aside.iter().partition(|loss| loss.kind.is_damage());
+    list(&damage, MAX_SET_ASIDE_LISTED);
+    list(&usual, USUAL_LISTED);
+    if !usual.is_empty() {
+        tell!("  (every drive has frames that are `uncovered`: they are no damage)");
+    }
+}
+
+fn list(set_aside: &[&SetAside], most: usize) {
+    for loss in set_aside.iter().take(most) {
         // Names from files may hold anything; control characters do not reach the terminal.
-        let line: String = loss
-            .to_string()
+        let line: String = line(loss)
             .chars()
             .map(|c| if c.is_control() { '\u{fffd}' } else { c })
             .collect();
         tell!("  {line}");
     }
-    if let Some(more) = set_aside.len().checked_sub(MAX_SET_ASIDE_LISTED + 1) {
-        tell!("  and {} more", more + 1);
+    let more = set_aside.iter().skip(most);
+    let count: u64 = more.clone().map(|loss| loss.count).sum();
+    if count > 0 {
+        let lines = more.len();
+        tell!("  and {lines} more such lines, {count} things (all of them by --format json)");
     }
+}
+
+/// A loss as a person reads it: with its time as a time.
+fn line(loss: &SetAside) -> String {
+    let text = loss.to_string();
+    let Some(stamp_ns) = loss.stamp_ns else {
+        return text;
+    };
+    let time = chrono::DateTime::from_timestamp_nanos(stamp_ns);
+    let time = time.to_rfc3339_opts(chrono::SecondsFormat::Millis, true);
+    text.replacen(&format!(" t={stamp_ns}"), &format!(" {time}"), 1)
 }
 
 /// Prints an error with its causes.

@@ -53,9 +53,8 @@ impl Gallery {
             perception: self.perception.as_ref(),
         };
         let studio = Studio::open(&version.snapshot, sources)?;
-        studio
-            .picture(frame)
-            .map(Some)
-            .map_err(ReviewError::NoPicture)
+        let picture = studio.picture(frame).map(Some);
+        // Here logs are named by another flag than with `explain`.
+        picture.map_err(|why| ReviewError::NoPicture(why.replace("`--logs`", "`--frames-from`")))
     }
 }
