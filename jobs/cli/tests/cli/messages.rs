@@ -142,7 +142,20 @@ fn made(folder: &Path, words: &str) -> (i32, String) {
         .unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     let said = said.replace(&folder.display().to_string(), "TOWN");
-    (output.status.code().unwrap(), without_numbers(&said))
+    let said = without_numbers(&without_now(&said));
+    (output.status.code().unwrap(), said)
+}
+
+/// A store says when it was written: now.
+fn without_now(text: &str) -> String {
+    const WHEN: &str = "was written at ";
+    match text.split_once(WHEN) {
+        Some((before, after)) => {
+            let end = after.find(';').unwrap_or(after.len());
+            format!("{before}{WHEN}NOW{}", &after[end..])
+        }
+        None => text.to_owned(),
+    }
 }
 
 /// Long numbers are those of this city: offsets, ids, times in nanoseconds.
