@@ -37,11 +37,11 @@ const ROUNDS: usize = 12;
 /// A round that moves nothing by more than this share of the prior's spread is the last.
 const SETTLED_SHARE: f64 = 0.01;
 /// Frames are used this far apart, in nanoseconds: those between see the same paint.
-const FRAME_NS: i64 = 250_000_000;
+const FRAME_NS: i64 = 500_000_000;
 /// Way over which paint is one witness, in metres.
 const WITNESS_M: f64 = 5.0;
 /// Fewer pairs of lines tell nothing.
-const MIN_PAIRS: usize = 40;
+const MIN_PAIRS: usize = 20;
 
 /// A correction, which parts of it were observed, and their standard deviations.
 type Settled = ([f64; 4], [bool; 4], [f64; 4]);
