@@ -119,7 +119,9 @@ fn by_model(results: &[Raw], cells: impl Fn(&Value) -> Vec<String>) -> Vec<Vec<S
 
 fn suites(results: &[Raw]) -> String {
     table(
-        &["suite", "what", "cities", "vehicles", "drives", "places"],
+        &[
+            "suite", "what", "cities", "vehicles", "drives", "places", "method",
+        ],
         results.iter().map(|raw| {
             vec![
                 raw.suite.name.to_owned(),
@@ -131,6 +133,7 @@ fn suites(results: &[Raw]) -> String {
                 raw.suite.vehicles.to_string(),
                 raw.suite.drives.to_string(),
                 number(&raw.value["evaluation"]["resampling"]["places"]),
+                number(&raw.value["method"]),
             ]
         }),
     )
