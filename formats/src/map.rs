@@ -15,6 +15,7 @@
 
 mod argoverse2;
 mod border;
+mod border_uses;
 mod document;
 mod error;
 mod fence;
@@ -36,7 +37,7 @@ mod xml;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Cursor, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tilefold_schemas::limits::MAX_MAP_BYTES;
 use tilefold_schemas::{Element, SetAside};
@@ -98,6 +99,17 @@ pub struct MapFile {
     pub not_paint: BTreeMap<String, u64>,
     /// What the file says of itself: `generator`, `map_version`, `format_version`, ...
     pub about: BTreeMap<String, String>,
+}
+
+/// The files of a map: itself, or the tiles of a divided one as [`read`] takes it.
+///
+/// # Errors
+/// A tile is not there, or the file that names them is damaged.
+pub fn files(path: &Path) -> Result<Vec<PathBuf>, MapError> {
+    match tiles::metadata(path) {
+        Some(metadata) => tiles::files(&metadata),
+        None => Ok(vec![path.to_owned()]),
+    }
 }
 
 /// Reads a map: a file, or the tiles of one by their metadata file or by the folder that it is in.

@@ -1,8 +1,9 @@
 //! Argoverse 2 maps: a small one made by hand, against the `av2` package
 //! (tests/oracles/argoverse2_map.py), and maps that are wrong.
 
-use std::time::{Duration, Instant};
+mod linear;
 
+use linear::{Shape, assert_linear};
 use proptest::prelude::*;
 use serde_json::Value;
 use tilefold_formats::map::{self, MapError, MapFile, MapFormat};
@@ -257,37 +258,49 @@ fn neither_depth_nor_width_costs_more_than_its_bytes() {
     assert!(read(with(&format!(",\"2\": {deep}"))).is_err());
     let closed = format!("{deep}{}", "]".repeat(1_000_000));
     assert_eq!(read(second("2", &closed)).unwrap().set_aside.len(), 1);
-    let one = |id: usize| format!(",\"{id}\": {{\"id\": {}}}", "9".repeat(20));
-    let attributes = |count: usize| {
-        (0..count)
-            .map(|at| format!("\"a{at}\":1,"))
-            .collect::<String>()
-    };
-    let shapes: [&dyn Fn(usize) -> String; 3] = [
-        &|count| with(&(0..count).map(one).collect::<String>()),
-        &|count| with(&format!(",\"2\": {{{}\"id\":2}}", attributes(count))),
-        &|count| {
-            second(
-                "2",
-                &format!("[{}]", vec![r#"{"x":0,"y":1,"z":0}"#; count].join(",")),
-            )
-        },
-    ];
-    for (index, shape) in shapes.iter().enumerate() {
-        let [small, large] = [shape(6_000), shape(96_000)].map(|text| best_of_three(&text));
-        let grown = large.as_secs_f64() / small.as_secs_f64().max(1e-4);
-        // 16 times the bytes; quadratic time would be 256 times.
-        assert!(grown < 80.0, "shape {index} took {grown:.0} times as long");
-    }
 }
 
-fn best_of_three(text: &str) -> Duration {
-    let timed = |_| {
-        let start = Instant::now();
-        let _ = read(text);
-        start.elapsed()
+/// `n` of something in a file of its own, by its name.
+const SHAPES: [Shape; 5] = [
+    ("bad ids", |n| {
+        let one = |id| format!(",\"{id}\": {{\"id\": {}}}", "9".repeat(20));
+        with(&(0..n).map(one).collect::<String>())
+    }),
+    ("members of one segment", |n| {
+        let members: String = (0..n).map(|at| format!("\"a{at}\":1,")).collect();
+        with(&format!(",\"2\": {{{members}\"id\":2}}"))
+    }),
+    ("vertices of one boundary", |n| {
+        second(
+            "2",
+            &format!("[{}]", vec![r#"{"x":0,"y":1,"z":0}"#; n].join(",")),
+        )
+    }),
+    ("segments beside one boundary", beside_one),
+    ("equal ids", |n| {
+        with(&",\"2\": {\"id\":1,\"left_lane_boundary\":[]}".repeat(n))
+    }),
+];
+
+/// `n` segments with the same boundary.
+fn beside_one(n: usize) -> String {
+    let line = r#"[{"x":0,"y":0,"z":0},{"x":9,"y":0,"z":0}]"#;
+    let one = |id: usize| {
+        format!(
+            r#","{id}":{{"id":{id},"left_lane_boundary":{line},"left_lane_mark_type":"NONE","right_lane_boundary":[],"right_lane_mark_type":"NONE"}}"#
+        )
     };
-    (0..3).map(timed).min().unwrap_or_default()
+    with(&(2..n + 2).map(one).collect::<String>())
+}
+
+#[test]
+fn time_grows_with_the_bytes() {
+    for (what, shape) in SHAPES {
+        assert_linear(what, 6_000, &shape, &|text| drop(read(text)));
+    }
+    let map = read(beside_one(3)).unwrap();
+    let shared = called(&map, "lane 1 left").unwrap();
+    assert_eq!(shared.tags["lanes"], "1 left, 2 left, 3 left, 4 left");
 }
 
 proptest! {

@@ -142,7 +142,7 @@ fn a_local_map_that_is_patched_stays_local() {
     let text = OsmText::read(fs::read(&file).unwrap(), "map.osm")
         .unwrap()
         .located(&mut LocalFrames::beside(&file));
-    let patch = Patch::plan(&text, &[moved(7, &there)], NewIds::Positive).unwrap();
+    let patch = Patch::plan(&text, &[moved(7, &there)], &mut NewIds::behind([&text])).unwrap();
     assert_eq!((patch.applied, patch.not_applied.len()), (1, 0));
     let patched = String::from_utf8(patch.lanelet2(&text)).unwrap();
     assert_eq!(
@@ -165,36 +165,21 @@ fn a_local_map_that_is_patched_stays_local() {
 
 fn moved(element: i64, points: &[[f64; 3]]) -> ChangeRecord {
     ChangeRecord {
-        tile: 0,
         change: 0xabc,
         element: Some(element),
-        content: 0,
         kind: ElementKind::StopLine.code(),
-        from_m: 0.0,
         to_m: 30.0,
         verdict: Verdict::Modified.code(),
-        p_no_change: 0.0,
-        p_added: 0.0,
-        p_removed: 0.0,
         p_modified: 1.0,
         log_odds: 9.0,
-        evidence_fx: 0,
         vehicles: 9,
         passes: 9,
         exposed: 9,
         hit: 9,
-        first_ns: 0,
-        last_ns: 0,
-        changed_after_ns: None,
-        changed_before_ns: None,
         shift_m: Some(2.0),
-        shift_sigma_m: None,
-        class_observed: None,
-        geometry_old: None,
         geometry_new: Some(wkb::line(points)),
-        best_vehicle: 0,
-        best_ns: 0,
         fusion_model: "calibrated".to_owned(),
+        ..ChangeRecord::default()
     }
 }
 

@@ -30,27 +30,23 @@ fn record(verdict: Verdict, kind: ElementKind) -> ChangeRecord {
         to_m: 50.5,
         verdict: verdict.code(),
         p_no_change: 0.01,
-        p_added: 0.0,
         p_removed: 0.98,
         p_modified: 0.01,
         log_odds: 4.6,
-        evidence_fx: 0,
         vehicles: 12,
         passes: 14,
         exposed: 2_000,
         hit: 3,
         first_ns: 1_709_208_000_123_000_000,
         last_ns: 1_709_208_001_000_000_000,
-        changed_after_ns: None,
         changed_before_ns: Some(1_709_208_001_000_000_000),
         shift_m: Some(-1.25),
-        shift_sigma_m: None,
-        class_observed: None,
         geometry_old: Some(wkb::line(&LINE)),
         geometry_new: Some(wkb::polygon(&AREA)),
         best_vehicle: 1,
         best_ns: 2,
         fusion_model: "calibrated".to_owned(),
+        ..ChangeRecord::default()
     }
 }
 

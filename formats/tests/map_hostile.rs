@@ -1,11 +1,14 @@
 //! Maps that are wrong: what breaks the file refuses it, what breaks an element sets it aside, and
 //! nothing panics or takes more than linear time.
 
-use std::fmt::Write as _;
-use std::time::{Duration, Instant};
+mod linear;
 
+use std::fmt::Write as _;
+
+use linear::{Shape, assert_linear};
 use proptest::prelude::*;
 use tilefold_formats::map::{MapError, MapFile, Roads, read_from, read_roads_from};
+use tilefold_formats::map_patch::OsmText;
 use tilefold_schemas::{ElementKind, Marking};
 
 fn read(text: impl AsRef<[u8]>) -> Result<MapFile, MapError> {
@@ -271,32 +274,114 @@ fn limits_are_named() {
     assert!(set_aside(far).contains("MAX_ELEMENT_LENGTH_M"));
 }
 
-fn timed(text: &str) -> Duration {
-    let start = Instant::now();
-    let _ = read(text);
-    start.elapsed()
+/// `n` of everything that is wrong in some maps, each in a map of its own.
+const SHAPES: [Shape; 14] = [
+    ("equal ids", |n| map_with(&LINE.repeat(n))),
+    ("dangling references", |n| {
+        each(n, |i| {
+            line(i, &format!("<nd ref='{}'/><nd ref='2'/>", 1_000_000 + i))
+        })
+    }),
+    ("references of one way", |n| {
+        map_with(&line(0, &"<nd ref='2'/>".repeat(n)))
+    }),
+    ("empty ways", |n| each(n, |i| line(i, ""))),
+    ("bad numbers", |n| {
+        each(n, |i| {
+            format!("<node id='{}' lat='49,{i}' lon='NaN'/>\n", 10 + i)
+        })
+    }),
+    ("one node in many places", |n| {
+        each(n, |i| format!("<node id='2' lat='49.{i}' lon='8.4'/>\n"))
+    }),
+    ("attributes", |n| {
+        let attributes: String = (0..n).map(|i| format!(" a{i}='{i}'")).collect();
+        map_with(&format!("<way id='8'{attributes}><nd ref='2'/></way>"))
+    }),
+    ("tags of one way", |n| {
+        let tags: String = (0..n).map(|i| format!("<tag k='k{i}' v='{i}'/>")).collect();
+        map_with(&line(0, &tags))
+    }),
+    ("entities", |n| {
+        let allowed = "&amp;&#38;".repeat(n);
+        map_with(&line(0, &format!("<tag k='a' v='{allowed}'/>")))
+    }),
+    ("entities of its own", |n| {
+        let named: String = (0..n).map(|i| format!("<!ENTITY a{i} '{i}'>")).collect();
+        format!("<!DOCTYPE osm [{named}]><osm/>")
+    }),
+    ("depth", |n| format!("<osm>{}", "<way id='1'>".repeat(n))),
+    ("a comment", |n| {
+        map_with(&format!("<!--{}-->", "<".repeat(n * 20)))
+    }),
+    ("crosswalks between the same borders", |n| {
+        between_two(n, "crosswalk")
+    }),
+    ("lanelets between the same borders", |n| {
+        between_two(n, "road")
+    }),
+];
+
+fn each(n: usize, one: impl Fn(usize) -> String) -> String {
+    map_with(&(0..n).map(one).collect::<String>())
+}
+
+fn line(number: usize, body: &str) -> String {
+    let id = 10 + number;
+    format!("<way id='{id}'>{body}<tag k='type' v='line_thin'/></way>\n")
+}
+
+/// `n` lanelets, all with the same two ways of `n` nodes as borders.
+fn between_two(n: usize, subtype: &str) -> String {
+    let way = |id: usize, ends: [&str; 2]| {
+        let nodes: String = (0..n)
+            .map(|i| format!("<nd ref='{}'/>", ends[i % 2]))
+            .collect();
+        format!("<way id='{id}'>{nodes}<tag k='type' v='pedestrian_marking'/></way>\n")
+    };
+    let lanelet = |i: usize| {
+        format!(
+            "<relation id='{}'><member type='way' ref='20' role='left'/>\
+             <member type='way' ref='21' role='right'/>\
+             <tag k='type' v='lanelet'/><tag k='subtype' v='{subtype}'/></relation>\n",
+            100 + i
+        )
+    };
+    let ways = way(20, ["-1", "2"]) + &way(21, ["4", "9000000000000000003"]);
+    let lanelets: String = (0..n).map(lanelet).collect();
+    map_with(&format!(
+        "<node id='4' lat='49.0' lon='8.401'/>{ways}{lanelets}"
+    ))
+}
+
+/// Asserts that elements, roads and the text to be patched are all read in linear time.
+#[track_caller]
+fn is_linear((what, shape): &Shape) {
+    let is_linear = |reader: &str, read: &dyn Fn(&str)| {
+        assert_linear(&format!("{what}, {reader}"), 5_000, shape, read);
+    };
+    is_linear("elements", &|text| drop(read(text)));
+    is_linear("roads", &|text| drop(roads(text)));
+    is_linear("text", &|text| {
+        drop(OsmText::read(text.into(), "map.osm"));
+    });
 }
 
 #[test]
-fn time_grows_with_the_bytes() {
-    let shapes: [fn(usize) -> String; 4] = [
-        |n| map_with(&LINE.repeat(n)),
-        |n| {
-            format!(
-                "<osm>{}",
-                "<way id='1'>".repeat(20) + &"<tag k='a' v='&amp;'/>".repeat(n)
-            )
-        },
-        |n| map_with(&format!("<way id='8'>{}</way>", "<nd ref='2'/>".repeat(n))),
-        |n| map_with(&format!("<!--{}-->", "<".repeat(n * 20))),
-    ];
-    for (index, shape) in shapes.iter().enumerate() {
-        let [small, large] = [shape(4_000), shape(64_000)];
-        let best = |text: &str| (0..3).map(|_| timed(text)).min().unwrap_or_default();
-        let grown = best(&large).as_secs_f64() / best(&small).as_secs_f64().max(1e-4);
-        // 16 times the bytes; quadratic time would be 256 times.
-        assert!(grown < 80.0, "shape {index} took {grown:.0} times as long");
-    }
+fn time_grows_with_the_bytes_of_broken_maps() {
+    SHAPES[..7].iter().for_each(is_linear);
+}
+
+#[test]
+fn time_grows_with_the_bytes_of_maps_that_say_too_much() {
+    SHAPES[7..].iter().for_each(is_linear);
+}
+
+#[test]
+fn one_way_borders_so_many_crosswalks_and_no_more() {
+    let map = read(between_two(100, "crosswalk")).unwrap();
+    assert_eq!((map.elements.len(), map.set_aside.len()), (64, 36));
+    assert!(map.set_aside[0].reason.contains("MAX_LANELETS_PER_WAY"));
 }
 
 fn pieces() -> impl Strategy<Value = String> {

@@ -1,9 +1,11 @@
 //! OpenDRIVE files that are wrong: what breaks the file refuses it, what breaks a road, a lane or a
 //! mark sets that aside, and nothing panics or takes more than linear time.
 
-use std::fmt::Write as _;
-use std::time::{Duration, Instant};
+mod linear;
 
+use std::fmt::Write as _;
+
+use linear::{Shape, assert_linear};
 use proptest::prelude::*;
 use tilefold_formats::map::{self, MapError, MapFile};
 
@@ -200,58 +202,74 @@ fn attributes(count: usize) -> String {
     text
 }
 
-fn best_of_three(text: &str) -> Duration {
-    let timed = |_| {
-        let start = Instant::now();
-        let _ = read(text);
-        start.elapsed()
-    };
-    (0..3).map(timed).min().unwrap_or_default()
+/// One lane with `body` in it.
+fn one_lane(body: &str) -> String {
+    with(&road("7", "<line/>", &lanes(&lane("1", body))))
+}
+
+/// `n` of something in a file of its own, by its name.
+const SHAPES: [Shape; 10] = [
+    ("marks of one lane", |n| {
+        let mark = |at| format!("<roadMark sOffset='{at}e-3' type='solid'/>");
+        one_lane(&(0..n).map(mark).collect::<String>())
+    }),
+    ("lanes of one id", |n| {
+        with(&road("7", "<line/>", &lanes(&lane("1", MARK).repeat(n))))
+    }),
+    ("widths of one lane", |n| {
+        one_lane(&format!("{}{MARK}", WIDTH.repeat(n)))
+    }),
+    ("roads of one id", |n| with(&"<road id='7'/>".repeat(n))),
+    ("bad numbers", |n| {
+        one_lane(&"<roadMark sOffset='1,5' type='solid'/>".repeat(n))
+    }),
+    ("attributes", |n| {
+        with(&format!("<road {}/>", attributes(n)))
+    }),
+    ("entities", |n| {
+        one_lane(&format!("<roadMark type='{}'/>", "&amp;".repeat(n)))
+    }),
+    ("depth", |n| with(&"<road>".repeat(n))),
+    ("outlines of one object", outlines),
+    ("signals beside sections", |n| {
+        let section = |at| format!("<laneSection s='{at}e-3'/>");
+        let sections: String = (0..n).map(section).collect();
+        let signal = "<signal type='294' country='DE' s='50' t='0'><validity fromLane='1' toLane='1'/></signal>";
+        let signals = signal.repeat(n);
+        let rest = format!("<lanes>{sections}</lanes><signals>{signals}</signals>");
+        with(&road("7", "<line/>", &rest))
+    }),
+];
+
+/// An object of `n` outlines and a name that is as long as they are many, up to the limit of a tag.
+fn outlines(n: usize) -> String {
+    let corner = |u, v| format!("<cornerLocal u='{u}' v='{v}' z='0'/>");
+    let corners = corner(0, 0) + &corner(1, 0) + &corner(0, 1);
+    let outlines = format!("<outline>{corners}</outline>").repeat(n);
+    let name = "x".repeat(n);
+    let object = format!(
+        "<objects><object id='1' type='roadMark' s='9' t='0' name='{name}'>{outlines}</object></objects>"
+    );
+    with(&road("7", "<line/>", &object))
 }
 
 #[test]
 fn time_grows_with_the_bytes() {
-    let marks = |count: usize| {
-        (0..count)
-            .map(|at| format!("<roadMark sOffset='{at}e-3' type='solid'/>"))
-            .collect::<String>()
-    };
-    let shapes: [&dyn Fn(usize) -> String; 5] = [
-        &|count| with(&road("7", "<line/>", &lanes(&lane("1", &marks(count))))),
-        &|count| {
-            with(&road(
-                "7",
-                "<line/>",
-                &lanes(&lane("1", MARK).repeat(count)),
-            ))
-        },
-        &|count| {
-            with(&road(
-                "7",
-                "<line/>",
-                &lanes(&lane("1", &format!("{}{MARK}", WIDTH.repeat(count)))),
-            ))
-        },
-        &|count| with(&"<road id='7'/>".repeat(count)),
-        &|count| {
-            let sections: String = (0..count)
-                .map(|at| format!("<laneSection s='{at}e-3'/>"))
-                .collect();
-            let signal = "<signal type='294' country='DE' s='50' t='0'><validity fromLane='1' toLane='1'/></signal>";
-            let signals = format!("<signals>{}</signals>", signal.repeat(count));
-            with(&road(
-                "7",
-                "<line/>",
-                &format!("<lanes>{sections}</lanes>{signals}"),
-            ))
-        },
-    ];
-    for (index, shape) in shapes.iter().enumerate() {
-        let [small, large] = [shape(3_000), shape(48_000)].map(|text| best_of_three(&text));
-        let grown = large.as_secs_f64() / small.as_secs_f64().max(1e-4);
-        // 16 times the bytes; quadratic time would be 256 times.
-        assert!(grown < 80.0, "shape {index} took {grown:.0} times as long");
+    for (what, shape) in SHAPES {
+        assert_linear(what, 3_000, &shape, &|text| drop(read(text)));
     }
+}
+
+#[test]
+fn an_object_has_so_many_outlines_and_no_more() {
+    let elements = |n| read(outlines(n)).unwrap().elements.len();
+    assert_eq!(elements(64) - elements(1), 63);
+    let map = read(outlines(65)).unwrap();
+    assert_eq!(
+        (map.elements.len() + 1, map.set_aside.len()),
+        (elements(1), 1)
+    );
+    assert!(map.set_aside[0].reason.contains("MAX_OUTLINES_PER_OBJECT"));
 }
 
 fn pieces() -> impl Strategy<Value = String> {

@@ -28,36 +28,19 @@ const MAP: &str = "<?xml version=\"1.0\"?>\n<osm generator=\"VMB\">\n\
 
 fn record(element: Option<i64>, verdict: Verdict, to_m: f64) -> ChangeRecord {
     ChangeRecord {
-        tile: 0,
         change: 0xabc,
         element,
-        content: 0,
         kind: ElementKind::LaneMarking.code(),
-        from_m: 0.0,
         to_m,
         verdict: verdict.code(),
-        p_no_change: 0.0,
-        p_added: 0.0,
-        p_removed: 0.0,
         p_modified: 1.0,
         log_odds: 9.0,
-        evidence_fx: 0,
         vehicles: 9,
         passes: 9,
         exposed: 9,
         hit: 9,
-        first_ns: 0,
-        last_ns: 0,
-        changed_after_ns: None,
-        changed_before_ns: None,
-        shift_m: None,
-        shift_sigma_m: None,
-        class_observed: None,
-        geometry_old: None,
-        geometry_new: None,
-        best_vehicle: 0,
-        best_ns: 0,
         fusion_model: "calibrated".to_owned(),
+        ..ChangeRecord::default()
     }
 }
 
@@ -71,7 +54,7 @@ fn moved(element: i64, to_m: f64, points: &[[f64; 3]]) -> ChangeRecord {
 
 fn patched(map: &str, records: &[ChangeRecord]) -> (String, Patch) {
     let text = OsmText::read(map.as_bytes().to_vec(), "map.osm").unwrap();
-    let patch = Patch::plan(&text, records, NewIds::Positive).unwrap();
+    let patch = Patch::plan(&text, records, &mut NewIds::behind([&text])).unwrap();
     let new = String::from_utf8(patch.lanelet2(&text)).unwrap();
     assert_eq!(
         map::read_from(new.as_bytes(), "new.osm").unwrap().set_aside,
@@ -106,7 +89,7 @@ fn real_maps_come_out_as_they_went_in() {
             if path.extension().is_some_and(|extension| extension == "osm") {
                 let bytes = std::fs::read(&path).unwrap();
                 let text = OsmText::read(bytes.clone(), "map.osm").unwrap();
-                let patch = Patch::plan(&text, &[], NewIds::Positive).unwrap();
+                let patch = Patch::plan(&text, &[], &mut NewIds::behind([&text])).unwrap();
                 assert!(patch.lanelet2(&text) == bytes, "{}", path.display());
                 count += 1;
             }
@@ -243,7 +226,7 @@ fn what_is_new_lies_on_the_road_and_is_written_like_the_rest() {
         "{new}"
     );
     let text = OsmText::read(MAP.into(), "map.osm").unwrap();
-    let patch = Patch::plan(&text, &[added], NewIds::Negative).unwrap();
+    let patch = Patch::plan(&text, &[added], &mut NewIds::before([&text])).unwrap();
     let mut osc = Vec::new();
     patch.osc(&text, &mut osc).unwrap();
     let osc = String::from_utf8(osc).unwrap();
@@ -261,7 +244,7 @@ fn what_is_new_lies_on_the_road_and_is_written_like_the_rest() {
 fn text_of_the_map_stays_text_in_an_osm_change() {
     let text = OsmText::read(MAP.into(), "map.osm").unwrap();
     let records = [record(Some(12), Verdict::Removed, 1e9)];
-    let patch = Patch::plan(&text, &records, NewIds::Negative).unwrap();
+    let patch = Patch::plan(&text, &records, &mut NewIds::before([&text])).unwrap();
     let mut osc = Vec::new();
     patch.osc(&text, &mut osc).unwrap();
     let osc = String::from_utf8(osc).unwrap();

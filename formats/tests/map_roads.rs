@@ -1,10 +1,12 @@
 //! Lanelets of Lanelet2 maps: drawn ones, broken ones, and real ones against the Lanelet2 library
 //! (tests/oracles/lanelet2_graph.py).
 
+mod linear;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
+use linear::{Shape, assert_linear};
 use serde_json::Value;
 use tilefold_formats::map::{BorderKind, Lanelet, Roads, read_roads, read_roads_from};
 
@@ -175,20 +177,13 @@ fn a_border_of_many_ways(n: usize) -> String {
 
 #[test]
 fn time_grows_with_the_bytes() {
-    let timed = |text: &str| -> Duration {
-        let start = Instant::now();
-        let _ = read_roads_from(text.as_bytes(), "map.osm");
-        start.elapsed()
-    };
-    for shape in [one_border_for_all, a_border_of_many_ways] {
-        let best = |n| {
-            let text = shape(n);
-            let times = (0..3).map(|_| timed(&text));
-            times.min().unwrap_or_default().as_secs_f64()
-        };
-        let grown = best(16_000) / best(1_000).max(1e-4);
-        // 16 times the bytes; quadratic time would be 256 times.
-        assert!(grown < 80.0, "it took {grown:.0} times as long");
+    let read = |text: &str| drop(read_roads_from(text.as_bytes(), "map.osm"));
+    let shapes: [Shape; 2] = [
+        ("one border", one_border_for_all),
+        ("ways of a border", a_border_of_many_ways),
+    ];
+    for (what, shape) in shapes {
+        assert_linear(what, 2_000, &shape, &read);
     }
     let text = one_border_for_all(100);
     let roads = read_roads_from(text.as_bytes(), "map.osm").expect("a map");

@@ -141,12 +141,9 @@ mod tests {
         let geometry = Some(wkb::line(&points));
         let is_added = verdict == Verdict::Added;
         ChangeRecord {
-            tile: 0,
             change: 1,
             element: (!is_added).then_some(7),
-            content: 0,
             kind: ElementKind::LaneMarking.code(),
-            from_m: 0.0,
             to_m: length_m,
             verdict: verdict.code(),
             p_no_change: 0.02,
@@ -154,23 +151,15 @@ mod tests {
             p_removed: if is_added { 0.0 } else { 0.97 },
             p_modified: 0.01,
             log_odds: 3.9,
-            evidence_fx: 0,
             vehicles: 6,
             passes: 8,
             exposed: 100,
-            hit: 0,
             first_ns: 10,
             last_ns: 20,
-            changed_after_ns: None,
-            changed_before_ns: None,
-            shift_m: None,
-            shift_sigma_m: None,
-            class_observed: None,
             geometry_old: if is_added { None } else { geometry.clone() },
             geometry_new: if is_added { geometry } else { None },
-            best_vehicle: 0,
-            best_ns: 0,
             fusion_model: "calibrated".to_owned(),
+            ..ChangeRecord::default()
         }
     }
 

@@ -33,6 +33,9 @@ impl Verdict {
 
 table! {
     /// A verdict on an element, on a stretch of it, or on a candidate.
+    ///
+    /// The default says nothing of anything: tests begin with it.
+    #[derive(Default)]
     pub struct ChangeRecord in "changes" {
         /// Owner tile.
         pub tile: i32,

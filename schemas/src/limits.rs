@@ -61,6 +61,8 @@ pub const MAX_TAG_BYTES: usize = 64 << 10;
 pub const MAX_POINTS_PER_ELEMENT: usize = 100_000;
 /// Borders of lanelets that one way is a part of.
 pub const MAX_LANELETS_PER_WAY: usize = 64;
+/// Outlines of one OpenDRIVE object: each becomes an element with all that the object says.
+pub const MAX_OUTLINES_PER_OBJECT: usize = 64;
 /// Lanes on one side of an OpenDRIVE road.
 pub const MAX_LANES_PER_SIDE: usize = 100;
 /// Points at which the curves of an OpenDRIVE file are looked at: 1,000 km of road with 20 lines, a

@@ -9,7 +9,7 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 use async_trait::async_trait;
 use bytes::Bytes;
@@ -46,12 +46,24 @@ impl Fault {
     pub const ALL: [Self; 4] = [Self::Fail, Self::Stop, Self::LostReply, Self::Tear];
 }
 
-/// When what happens.
+/// A file that was read, in whole or in part, or written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Access {
+    /// Its path.
+    pub path: String,
+    /// Whether it was written.
+    pub is_write: bool,
+    /// How many of its bytes.
+    pub bytes: u64,
+}
+
+/// When what happens, and what happened until then.
 #[derive(Debug)]
 pub struct Fuse {
     fault: Fault,
     at: usize,
     seen: AtomicUsize,
+    accesses: Mutex<Vec<Access>>,
 }
 
 /// What an operation is to do.
@@ -74,6 +86,16 @@ impl Fuse {
     #[must_use]
     pub fn has_fired(&self) -> bool {
         self.operations() > self.at
+    }
+
+    /// The files that were asked for, in the order of asking.
+    #[must_use]
+    pub fn accesses(&self) -> Vec<Access> {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Access>> {
+        self.accesses.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn burn(&self) -> Fate {
@@ -105,6 +127,7 @@ pub fn arm(folder: &FilePath, fault: Fault, at: usize) -> Arc<Fuse> {
         fault,
         at,
         seen: AtomicUsize::new(0),
+        accesses: Mutex::default(),
     });
     let mut fuses = FUSES.lock().unwrap_or_else(PoisonError::into_inner);
     fuses.insert(folder.to_owned(), fuse.clone());
@@ -157,6 +180,16 @@ impl Faulty {
         self.fuse.as_ref().map_or(Fate::Works, |fuse| fuse.burn())
     }
 
+    fn note(&self, at: &Path, is_write: bool, bytes: u64) {
+        if let Some(fuse) = &self.fuse {
+            fuse.lock().push(Access {
+                path: at.to_string(),
+                is_write,
+                bytes,
+            });
+        }
+    }
+
     /// For what writes nothing, a lost reply is a refusal.
     fn works(&self) -> Result<()> {
         match self.burn() {
@@ -198,6 +231,7 @@ fn in_order(
 #[async_trait]
 impl ObjectStore for Faulty {
     async fn put_opts(&self, at: &Path, payload: PutPayload, how: PutOptions) -> Result<PutResult> {
+        self.note(at, true, payload.content_length() as u64);
         match self.burn() {
             Fate::Works => self.inner.put_opts(at, payload, how).await,
             Fate::Refused => Err(dead()),
@@ -228,11 +262,15 @@ impl ObjectStore for Faulty {
 
     async fn get_opts(&self, at: &Path, how: GetOptions) -> Result<GetResult> {
         self.works()?;
-        self.inner.get_opts(at, how).await
+        let got = self.inner.get_opts(at, how).await?;
+        self.note(at, false, got.range.end - got.range.start);
+        Ok(got)
     }
 
     async fn get_ranges(&self, at: &Path, ranges: &[Range<u64>]) -> Result<Vec<Bytes>> {
         self.works()?;
+        let bytes = ranges.iter().map(|range| range.end - range.start).sum();
+        self.note(at, false, bytes);
         self.inner.get_ranges(at, ranges).await
     }
 

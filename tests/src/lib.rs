@@ -6,4 +6,5 @@ pub mod documents;
 pub mod faulty;
 pub mod logs;
 pub mod pictures;
+pub mod towns;
 pub mod trial;

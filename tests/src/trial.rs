@@ -60,12 +60,12 @@ impl Trial {
         }
     }
 
-    /// A copy of a store, made by `copy`.
+    /// A copy of a store.
     ///
     /// # Panics
     /// It cannot be made.
     #[must_use]
-    pub fn copy_of(other: &Self, copy: impl Fn(&Path, &Path)) -> Self {
+    pub fn copy_of(other: &Self) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = folder.path().join("store");
         copy(&other.store, &store);
@@ -198,7 +198,13 @@ pub fn content_of(map: &Path, logs: &[PathBuf]) -> Content {
 /// It cannot be written.
 #[must_use]
 pub fn small_city(into: &Path) -> CityFiles {
-    let spec = CitySpec {
+    tilefold_city::write(&small_spec(), into).unwrap()
+}
+
+/// The specification of [`small_city`].
+#[must_use]
+pub fn small_spec() -> CitySpec {
+    CitySpec {
         seed: 5,
         site: Site::Drawn { km: 1.0 },
         vehicles: 5,
@@ -206,8 +212,7 @@ pub fn small_city(into: &Path) -> CityFiles {
         drive_km: 0.6,
         days: 4,
         ..CitySpec::default()
-    };
-    tilefold_city::write(&spec, into).unwrap()
+    }
 }
 
 /// The same, but four drives of a few chunks by three vehicles, past many changes: for tests that run
@@ -217,7 +222,26 @@ pub fn small_city(into: &Path) -> CityFiles {
 /// It cannot be written.
 #[must_use]
 pub fn tiny_city(into: &Path) -> CityFiles {
+    tilefold_city::write(&tiny_spec(), into).unwrap()
+}
+
+/// The same, across the border between two data files of each table.
+///
+/// # Panics
+/// It cannot be written.
+#[must_use]
+pub fn tiny_city_in_two_files(into: &Path) -> CityFiles {
+    // 16 tiles of level 15, in degrees.
+    let file_deg = 16.0 * 180.0 / 32_768.0;
     let spec = CitySpec {
+        anchor: [114.0 * file_deg, 50.0, 300.0],
+        ..tiny_spec()
+    };
+    tilefold_city::write(&spec, into).unwrap()
+}
+
+fn tiny_spec() -> CitySpec {
+    CitySpec {
         seed: 11,
         site: Site::Drawn { km: 1.0 },
         vehicles: 3,
@@ -226,8 +250,19 @@ pub fn tiny_city(into: &Path) -> CityFiles {
         days: 3,
         change_share: 0.2,
         ..CitySpec::default()
-    };
-    tilefold_city::write(&spec, into).unwrap()
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        match entry.file_type().unwrap().is_dir() {
+            true => copy(&entry.path(), &target),
+            false => drop(std::fs::copy(entry.path(), target).unwrap()),
+        }
+    }
 }
 
 /// The folder of real data, `TILEFOLD_TEST_DATA` or `../shared/data` beside the checkout; says so

@@ -7,7 +7,7 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
@@ -15,7 +15,7 @@ use tilefold_city::CityFiles;
 use tilefold_engine::{EngineError, Forget, FusionModel, Silent, drives::drives, run};
 use tilefold_schemas::ChunkRow;
 use tilefold_tests::faulty::{Fault, arm, through_fuse};
-use tilefold_tests::trial::{Content, Trial, tiny_city};
+use tilefold_tests::trial::{Content, Trial, tiny_city, tiny_city_in_two_files};
 
 /// Histories that are tried if nobody says otherwise.
 const HISTORIES: u32 = 200;
@@ -77,21 +77,23 @@ struct Town {
     logs: Vec<PathBuf>,
     expected: RefCell<BTreeMap<(usize, BTreeSet<usize>), Content>>,
     killed: RefCell<usize>,
+    lived: RefCell<usize>,
 }
 
 impl Town {
-    fn new(into: &Path) -> Self {
+    fn new(city: CityFiles) -> Self {
         let CityFiles {
             before_map,
             after_map,
             logs,
             ..
-        } = tiny_city(into);
+        } = city;
         Self {
             maps: [before_map, after_map],
             logs,
             expected: RefCell::default(),
             killed: RefCell::default(),
+            lived: RefCell::default(),
         }
     }
 
@@ -194,7 +196,11 @@ fn retract_some(trial: &Trial, how: usize, which: usize) {
 /// Lives a share of the histories. Shares are tests of their own, so that they run beside each other.
 fn live_share(share: u8) {
     let folder = tempfile::tempdir().unwrap();
-    let town = Town::new(folder.path());
+    // In the last share, what belongs together lies in several files.
+    let town = Town::new(match u32::from(share) + 1 {
+        SHARES => tiny_city_in_two_files(folder.path()),
+        _ => tiny_city(folder.path()),
+    });
     let asked = std::env::var("TILEFOLD_HISTORIES").ok();
     let histories = asked.map_or(HISTORIES, |count| count.parse().unwrap());
     let config = Config {
@@ -209,6 +215,11 @@ fn live_share(share: u8) {
             let content = town.live(&history).content();
             let expected = town.expected(history.last_map, &history.last_logs);
             prop_assert_eq!(content, expected);
+            let mut lived = town.lived.borrow_mut();
+            *lived += 1;
+            if lived.is_multiple_of(50) {
+                println!("share {share}: {lived} histories so far");
+            }
             Ok(())
         })
         .unwrap();

@@ -19,25 +19,13 @@ static CITY: LazyLock<CityFiles> = LazyLock::new(|| {
     tiny_city(&Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder))
 });
 
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        match entry.file_type().unwrap().is_dir() {
-            true => copy(&entry.path(), &target),
-            false => drop(std::fs::copy(entry.path(), target).unwrap()),
-        }
-    }
-}
-
 /// A job on the store at a place.
 type Job<'a> = &'a dyn Fn(&Path) -> Result<(), EngineError>;
 
 /// Lets these faults happen at every operation of `job` on copies of `old`.
 fn kill_everywhere(old: &Trial, faults: &[Fault], job: Job<'_>) {
     let before = old.content();
-    let whole = Trial::copy_of(old, copy);
+    let whole = Trial::copy_of(old);
     let counting = arm(whole.store(), Fault::Fail, usize::MAX);
     job(&through_fuse(whole.store())).unwrap();
     let (after, operations) = (whole.content(), counting.operations());
@@ -46,7 +34,7 @@ fn kill_everywhere(old: &Trial, faults: &[Fault], job: Job<'_>) {
     let (mut failed, mut survived) = (0, 0);
     for &fault in faults {
         for at in 0..operations {
-            let trial = Trial::copy_of(old, copy);
+            let trial = Trial::copy_of(old);
             let fuse = arm(trial.store(), fault, at);
             let done = job(&through_fuse(trial.store()));
             let what = format!("{fault:?} at operation {at} of {operations}");

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use crate::command::{Failure, Step};
+use crate::command::Failure;
+use crate::test;
 
 /// How many, if nobody says.
 const HISTORIES: &str = "5000";
@@ -18,8 +19,7 @@ pub(crate) fn run(root: &Path, arguments: &[String]) -> Result<(), Failure> {
             )));
         }
     };
-    let words = "test --workspace --test histories -- --nocapture";
-    Step::cargo(root, words)
+    test::some(root, "--test histories -- --nocapture")
         .env("TILEFOLD_HISTORIES", count)
         .run("The history that failed is printed above, as short as it could be made")
 }

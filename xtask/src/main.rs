@@ -36,7 +36,8 @@ cargo xtask WORD [ARGUMENT...]
                   the wheel and its runners: Ray on three nodes of which some die, Spark (from PyPI);
                   ARG... goes to pytest
   page-test       the review page in headless Chromium (Playwright from PyPI); `test` runs it too
-  readers-test    tables as deltalake, DuckDB and GeoPandas (from PyPI) read them; `test` runs it too
+  readers-test    stores and exports as DuckDB, GeoPandas, GDAL, libosmium and others (from PyPI) read
+                  them; `test` runs it too
   ci-lints        format, clippy, documentation and the book, with every warning an error
   docs            builds the book (docs/book) and the API documentation (target/doc)
 ";

@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use crate::command::{Failure, Step};
+use crate::command::Failure;
 use crate::python;
 use crate::test;
 
@@ -19,10 +19,7 @@ const BY_HAND: &str = "Python 3.10 or later with pip and PyPI in reach are neede
 /// Starts the server and runs the tests that need it.
 pub(crate) fn run(root: &Path) -> Result<(), Failure> {
     let server = Server::start(root, &moto(root)?)?;
-    let words = "--test cli -- --ignored buckets::";
-    let mut tests = Step::cargo(root, "test")
-        .args(test::ALL)
-        .args(words.split(' '));
+    let mut tests = test::some(root, "--test cli -- --ignored buckets::");
     for (key, value) in &server.environment {
         tests = tests.env(key, value.as_str());
     }

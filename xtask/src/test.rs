@@ -15,13 +15,18 @@ use crate::setup;
 
 /// What is tested: also what the default build leaves out. Who tests a part names the same, so that
 /// nothing is compiled anew.
-pub(crate) const ALL: [&str; 3] = ["--workspace", "--features", "tilefold-tests/h264"];
+const ALL: [&str; 3] = ["--workspace", "--features", "tilefold-tests/h264"];
 
 /// The program as the tests have it, so that nothing is built twice for those that run it.
 pub(crate) fn build(root: &Path) -> Result<(), Failure> {
     Step::cargo(root, "build --tests")
         .args(ALL)
         .run("Mend what the compiler says")
+}
+
+/// Some of the tests, built as all of them are, by cargo's own words.
+pub(crate) fn some(root: &Path, words: &str) -> Step {
+    Step::cargo(root, "test").args(ALL).args(words.split(' '))
 }
 
 /// Runs the tests with cargo-nextest where it is installed, and else with `cargo test`.

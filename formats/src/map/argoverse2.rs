@@ -99,7 +99,8 @@ impl<'a> Gathering<'a> {
         let known = self.known.get(&key).filter(|_| points.len() > 1);
         if let Some(&at) = known {
             let boundary = &mut self.boundaries[at];
-            boundary.lanes = format!("{}, {lane}", boundary.lanes);
+            boundary.lanes.push_str(", ");
+            boundary.lanes.push_str(lane);
             if boundary.paint.is_none() && said.is_some() {
                 let (_, was_reversed) = self::key(boundary.points);
                 boundary.paint = said.map(|(marking, color)| match is_reversed == was_reversed {

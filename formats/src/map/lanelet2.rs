@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use tilefold_schemas::{Element, ElementId, ElementKind, SetAside, SetAsideKind};
 
+use super::border_uses::BorderUses;
 use super::make::{between, check_shape, is_outline, open_ring};
 use super::osm::{Node, Osm, Relation, Thing, Way};
 use super::paint::{self, Paint, tag};
@@ -33,6 +34,7 @@ struct Gathering<'a> {
     file: &'a str,
     /// The first way of each id.
     ways: HashMap<i64, &'a Way>,
+    uses: BorderUses,
     /// Borders that were drawn into a crosswalk.
     borders: HashSet<i64>,
     /// Elements and where they stand, in the order of the file.
@@ -54,6 +56,7 @@ impl<'a> Gathering<'a> {
             osm,
             file,
             ways,
+            uses: BorderUses::default(),
             borders: HashSet::new(),
             elements: Vec::new(),
             set_aside: Vec::new(),
@@ -100,6 +103,7 @@ impl<'a> Gathering<'a> {
         {
             return Ok(None);
         }
+        self.uses.count(&[left, right])?;
         let ring = between(&self.osm.points(left)?, self.osm.points(right)?);
         let element = element(&relation.thing, paint::crosswalk(), ring)?;
         for way in [left, right] {

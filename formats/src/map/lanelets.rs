@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use tilefold_schemas::limits::MAX_LANELETS_PER_WAY;
 use tilefold_schemas::{SetAside, SetAsideKind};
 
 use super::border::{align, stitch};
+use super::border_uses::BorderUses;
 use super::osm::{Node, Osm, Relation, Way};
 use super::paint::tag;
 use super::roads::{Border, Lanelet, Roads};
@@ -50,9 +50,7 @@ struct Surveying<'a> {
     osm: &'a Osm,
     /// The first way of each id.
     ways: HashMap<i64, &'a Way>,
-    /// How many borders each way is a part of. Without a bound, a short file could make one long
-    /// way the border of any number of lanelets.
-    uses: HashMap<i64, usize>,
+    uses: BorderUses,
 }
 
 impl<'a> Surveying<'a> {
@@ -64,7 +62,7 @@ impl<'a> Surveying<'a> {
         Self {
             osm,
             ways,
-            uses: HashMap::new(),
+            uses: BorderUses::default(),
         }
     }
 
@@ -104,30 +102,21 @@ impl<'a> Surveying<'a> {
         if ways.is_empty() {
             return Err(format!("it has no {role} border"));
         }
-        self.count(&ways)?;
+        if let Some((id, wrong)) = ways.iter().find_map(wrong) {
+            return Err(format!("way {id}: {wrong}"));
+        }
+        self.uses.count(&ways)?;
         let border = stitch(self.osm, &ways).map_err(|why| format!("its {role} border: {why}"))?;
         Ok((border, ways.iter().all(|way| self.has_elevations(way))))
-    }
-
-    fn count(&mut self, ways: &[&Way]) -> Result<(), String> {
-        for way in ways {
-            let id = way.thing.id;
-            if let Some(wrong) = &way.thing.wrong {
-                return Err(format!("way {id}: {wrong}"));
-            }
-            let uses = self.uses.entry(id).or_default();
-            *uses += 1;
-            if *uses > MAX_LANELETS_PER_WAY {
-                return Err(format!(
-                    "over {MAX_LANELETS_PER_WAY} lanelets have way {id} as a border (MAX_LANELETS_PER_WAY)"
-                ));
-            }
-        }
-        Ok(())
     }
 
     fn has_elevations(&self, way: &Way) -> bool {
         let stands = |node| matches!(self.osm.nodes.get(node), Some(Node::At(_)));
         way.nodes.iter().all(stands)
     }
+}
+
+fn wrong<'a>(way: &&'a Way) -> Option<(i64, &'a str)> {
+    let wrong = way.thing.wrong.as_deref()?;
+    Some((way.thing.id, wrong))
 }

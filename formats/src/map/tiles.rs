@@ -34,6 +34,17 @@ pub(super) fn metadata(path: &Path) -> Option<PathBuf> {
     places.into_iter().flatten().find(|file| file.is_file())
 }
 
+/// The files of all tiles.
+pub(super) fn files(metadata: &Path) -> Result<Vec<PathBuf>, MapError> {
+    let wrong = |what: String| MapError::Tiles {
+        file: metadata.display().to_string(),
+        what,
+    };
+    let names = names(metadata).map_err(wrong)?;
+    let files = names.iter().map(|name| file(metadata, name).map_err(wrong));
+    files.collect()
+}
+
 /// Reads all tiles as one map.
 pub(super) fn read(metadata: &Path) -> Result<MapFile, MapError> {
     let wrong = |what: String| MapError::Tiles {

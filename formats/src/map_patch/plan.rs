@@ -59,13 +59,37 @@ pub struct Patch {
     pub not_applied: Vec<NotApplied>,
 }
 
-/// Which ids new nodes and ways get.
+/// The ids that new nodes and ways get: none of a map's, nor of any other map that is patched with it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NewIds {
-    /// Behind the largest id of the map: for a map that is used as it is.
-    Positive,
+pub struct NewIds {
+    next: i64,
+    step: i64,
+}
+
+impl NewIds {
+    /// Behind the largest id: for maps that are used as they are.
+    pub fn behind<'a>(maps: impl IntoIterator<Item = &'a OsmText>) -> Self {
+        let largest = maps.into_iter().flat_map(OsmText::ids).max();
+        Self {
+            next: largest.unwrap_or(0).max(0).saturating_add(1),
+            step: 1,
+        }
+    }
+
     /// Before the smallest, and negative: what OsmChange calls things that have no id yet.
-    Negative,
+    pub fn before<'a>(maps: impl IntoIterator<Item = &'a OsmText>) -> Self {
+        let smallest = maps.into_iter().flat_map(OsmText::ids).min();
+        Self {
+            next: smallest.unwrap_or(0).min(0).saturating_sub(1),
+            step: -1,
+        }
+    }
+
+    fn draw(&mut self) -> i64 {
+        let id = self.next;
+        self.next = id.saturating_add(self.step);
+        id
+    }
 }
 
 impl Patch {
@@ -73,7 +97,11 @@ impl Patch {
     ///
     /// # Errors
     /// A record's geometry is none.
-    pub fn plan(text: &OsmText, records: &[ChangeRecord], ids: NewIds) -> Result<Self, PatchError> {
+    pub fn plan(
+        text: &OsmText,
+        records: &[ChangeRecord],
+        ids: &mut NewIds,
+    ) -> Result<Self, PatchError> {
         let mut by_element: BTreeMap<i64, Vec<&ChangeRecord>> = BTreeMap::new();
         let mut planner = Planner::new(text, ids);
         for record in records {
@@ -92,8 +120,7 @@ impl Patch {
 
 struct Planner<'a> {
     text: &'a OsmText,
-    ids: NewIds,
-    next_id: i64,
+    ids: &'a mut NewIds,
     /// Ways (and relations) that use a node.
     users: BTreeMap<i64, BTreeSet<i64>>,
     /// Ways that a relation names.
@@ -113,7 +140,7 @@ struct Edited {
 }
 
 impl<'a> Planner<'a> {
-    fn new(text: &'a OsmText, ids: NewIds) -> Self {
+    fn new(text: &'a OsmText, ids: &'a mut NewIds) -> Self {
         let mut users: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
         for (id, way) in &text.ways {
             for node in &way.nodes {
@@ -134,14 +161,6 @@ impl<'a> Planner<'a> {
                 }
             }
         }
-        let all = || {
-            let things = [&text.nodes, &text.ways, &text.relations];
-            things.into_iter().flat_map(BTreeMap::keys).copied()
-        };
-        let next_id = match ids {
-            NewIds::Positive => all().max().unwrap_or(0).max(0).saturating_add(1),
-            NewIds::Negative => all().min().unwrap_or(0).min(0).saturating_sub(1),
-        };
         let has_height = |(_, node): &(&i64, &Thing)| node.tags.contains_key("ele");
         let raised = text.nodes.iter().filter(has_height).map(|(id, _)| id);
         let has_elevations = text
@@ -151,7 +170,6 @@ impl<'a> Planner<'a> {
         Self {
             text,
             ids,
-            next_id,
             users,
             named,
             ends: BTreeMap::new(),
@@ -175,12 +193,7 @@ impl<'a> Planner<'a> {
     }
 
     fn new_id(&mut self) -> i64 {
-        let id = self.next_id;
-        self.next_id = match self.ids {
-            NewIds::Positive => id.saturating_add(1),
-            NewIds::Negative => id.saturating_sub(1),
-        };
-        id
+        self.ids.draw()
     }
 
     fn refuse(&mut self, record: &ChangeRecord, reason: impl Into<String>) {

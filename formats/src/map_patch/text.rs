@@ -216,6 +216,12 @@ impl OsmText {
         }
     }
 
+    /// All ids of its nodes, ways and relations.
+    pub(crate) fn ids(&self) -> impl Iterator<Item = i64> {
+        let things = [&self.nodes, &self.ways, &self.relations];
+        things.into_iter().flat_map(BTreeMap::keys).copied()
+    }
+
     /// The vertices of a way, as far as its nodes are in the file.
     pub(crate) fn points(&self, way: &Thing) -> Vec<(i64, [f64; 3])> {
         let at = |id: &i64| Some((*id, self.position(*id)?));

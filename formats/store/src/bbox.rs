@@ -102,6 +102,18 @@ pub(crate) fn extremes(rows: &RecordBatch) -> Option<(Value, Value)> {
     Some((least.into(), most.into()))
 }
 
+/// West, south, east and north of all boxes of a file, from its statistics.
+pub(crate) fn bounds(statistics: &Value) -> Option<Corners> {
+    let corner = |which: &str, name: &str| statistics.get(which)?.get(BBOX)?.get(name)?.as_f64();
+    let [xmin, ymin, xmax, ymax] = CORNERS;
+    Some([
+        corner("minValues", xmin)?,
+        corner("minValues", ymin)?,
+        corner("maxValues", xmax)?,
+        corner("maxValues", ymax)?,
+    ])
+}
+
 /// Of each corner, how many rows have none.
 pub(crate) fn nulls(rows: &RecordBatch) -> Option<Value> {
     let count = rows.column_by_name(BBOX)?.null_count();

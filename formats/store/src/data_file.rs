@@ -71,6 +71,13 @@ impl DataFile {
         self.tiles.map(|(first, _)| coarse(first))
     }
 
+    /// West, south, east and north of what its rows draw, in degrees, where the log says it.
+    #[must_use]
+    pub fn bounds_deg(&self) -> Option<[f64; 4]> {
+        let parsed: Value = serde_json::from_str(&self.statistics).ok()?;
+        bbox::bounds(&parsed)
+    }
+
     /// The hash that the name promises.
     fn promised_hash(&self) -> Option<&str> {
         let stem = self.name.strip_suffix(".parquet")?;

@@ -89,9 +89,24 @@ impl Snapshot {
     /// # Errors
     /// A file is damaged or missing, or a tile is asked of a table without tiles.
     pub fn read<R: StoredTable>(&self, filter: TileFilter<'_>) -> Result<Vec<R>, StoreError> {
+        self.read_filtered(self.files::<R>(filter)?, filter)
+    }
+
+    /// The rows of some data files of a table ([`Snapshot::files`]), in the order of its sort key.
+    ///
+    /// # Errors
+    /// A file is damaged or missing.
+    pub fn read_files<R: StoredTable>(&self, files: Vec<DataFile>) -> Result<Vec<R>, StoreError> {
+        self.read_filtered(files, TileFilter::All)
+    }
+
+    fn read_filtered<R: StoredTable>(
+        &self,
+        files: Vec<DataFile>,
+        filter: TileFilter<'_>,
+    ) -> Result<Vec<R>, StoreError> {
         let layout = Layout::of::<R>();
-        let groups = groups(self.files::<R>(filter)?);
-        let rows = groups
+        let rows = groups(files)
             .par_iter()
             .map(|group| {
                 let batch = filtered(&self.read_group(&layout, group)?, filter, &layout)?;

@@ -539,12 +539,13 @@ pub(crate) struct Export {
     /// Version by number, or as of a time like 2026-03-15T00:00:00Z; the latest if not given.
     #[arg(long, visible_alias = "as-of", value_parser = at)]
     pub version: Option<At>,
-    /// File to write.
+    /// File to write; of several maps, the folder for them.
     #[arg(long, short, visible_alias = "output")]
     pub out: Option<PathBuf>,
-    /// For `lanelet2` and `osc`: the map file that the store was made from (`init --map`).
-    #[arg(long)]
-    pub map: Option<PathBuf>,
+    /// For `lanelet2` and `osc`: the map that the store was made from (`init --map`), or those of its
+    /// maps that are wanted.
+    #[arg(long, num_args = 1.., value_name = "FILE")]
+    pub map: Vec<PathBuf>,
     /// Least posterior of what is written. If not given: 0.5 for what is looked at, and 0.85, as in
     /// `evaluate`, for what goes into a map.
     #[arg(long)]
@@ -644,16 +645,16 @@ impl Export {
     /// Ends the process where the options do not go together.
     fn check(&self, format: Format) {
         let is_page = format == Format::Html;
-        let why = match (format.is_map(), &self.map, self.all) {
+        let why = match (format.is_map(), &self.map[..], self.all) {
             _ if is_page && self.out.is_none() => {
                 "the review page is a folder: name it with --out FOLDER"
             }
             _ if is_page && self.chooses() => {
                 "the review page has every change; choose on it, or export another form"
             }
-            (true, None, _) => "this form needs the map that the store was made from: --map FILE",
+            (true, [], _) => "this form needs the map that the store was made from: --map FILE",
             (true, _, true) => "--all is not for maps: only changes go into one",
-            (false, Some(_), _) => "--map is for `--format lanelet2` and `--format osc`",
+            (false, [_, ..], _) => "--map is for `--format lanelet2` and `--format osc`",
             _ => return,
         };
         Args::command()

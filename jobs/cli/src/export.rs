@@ -1,16 +1,16 @@
 //! `export`: a version's changes in the form that another program reads.
 
+use std::collections::BTreeSet;
 use std::error::Error;
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::Path;
 
 use tilefold_engine::Criteria;
-use tilefold_engine::export::{Amendment, Choice, View, chosen, write_amended, write_view};
+use tilefold_engine::export::{Amended, Amendment, Choice, View, amend, chosen, write_view};
 use tilefold_formats::geojson::write_reviewed;
 use tilefold_review::{Decisions, Said};
 use tilefold_schemas::{ChangeRecord, Verdict};
-use tilefold_store::Snapshot;
 
 use crate::args::{Args, Export, Format};
 use crate::at::open;
@@ -56,8 +56,11 @@ pub(crate) fn export(args: &Args, asked: &Export) -> Result<Outcome> {
     if asked.accepted {
         records.retain(|record| is_accepted(record, &decisions));
     }
-    match (amendment, &asked.map) {
-        (Some(form), Some(map)) => amend(&snapshot, records, map, form, asked.out.as_deref()),
+    match amendment {
+        Some(form) => {
+            let amended = amend(&snapshot, records, &asked.map, form)?;
+            write_maps(&amended, form, asked.out.as_deref())
+        }
         _ if view(args.format) == View::GeoJson => show(asked, &records, View::GeoJson, |out| {
             write_reviewed(&records, &|id| review::said(&decisions, id), out)?;
             Ok(0)
@@ -97,6 +100,15 @@ fn amend(
         None => write_amended(snapshot, records, map, form, &mut std::io::stdout().lock())?,
     };
     tell!("{} changes are in it", amended.applied);
+/// One map goes to the standard output or a file, several go into a folder.
+fn write_maps(amended: &Amended, form: Amendment, out: Option<&Path>) -> Result<Outcome> {
+    match (&amended.maps[..], out) {
+        ([one], None) => std::io::stdout().lock().write_all(&one.bytes)?,
+        ([one], Some(file)) => to_file(file, |out| Ok(out.write_all(&one.bytes)?))?,
+        (_, None) => return Err("these are several maps: name a folder with --out".into()),
+        (_, Some(folder)) => write_into(folder, amended, form)?,
+    }
+    eprintln!("{} changes are in it", amended.applied);
     if amended.elsewhere > 0 {
         tell!("{} are about other maps of the store", amended.elsewhere);
     }
@@ -105,6 +117,22 @@ fn amend(
         true => Outcome::Done,
         false => Outcome::SetAside,
     })
+}
+
+/// Each map keeps its name; its changes have the ending `.osc` behind it.
+fn write_into(folder: &Path, amended: &Amended, form: Amendment) -> Result<()> {
+    let names: BTreeSet<&str> = amended.maps.iter().map(|map| map.name.as_str()).collect();
+    if names.len() < amended.maps.len() {
+        return Err("two of these maps have the same name: export them one by one".into());
+    }
+    let cannot = |error| format!("cannot make the folder {}: {error}", folder.display());
+    std::fs::create_dir_all(folder).map_err(cannot)?;
+    for map in &amended.maps {
+        let ending = if form == Amendment::Osc { ".osc" } else { "" };
+        let file = folder.join(format!("{}{ending}", map.name));
+        to_file(&file, |out| Ok(out.write_all(&map.bytes)?))?;
+    }
+    Ok(())
 }
 
 fn view(format: Format) -> View {

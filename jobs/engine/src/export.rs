@@ -2,13 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tilefold_formats::export::{
     ExportError, Scene, write_flatgeobuf, write_geoparquet, write_pmtiles, write_scene,
 };
 use tilefold_formats::geojson::write_changes;
-use tilefold_formats::map::{LocalFrames, MapError};
+use tilefold_formats::map::{self, LocalFrames, MapError};
 use tilefold_formats::map_patch::{NewIds, OsmText, Patch};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{ChangeRecord, SetAside, SetAsideKind, Verdict, wkb};
@@ -91,64 +91,143 @@ pub fn write_view(
     Ok(0)
 }
 
-/// What of the records came into the map.
-#[derive(Debug, Clone, PartialEq)]
+/// A map's file with changes in it, or the changes of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AmendedMap {
+    /// The name of the map's file, without its folder.
+    pub name: String,
+    /// What it is now.
+    pub bytes: Vec<u8>,
+}
+
+/// What of the records came into the maps.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Amended {
-    /// Records that are in the patch.
+    /// The maps, in their order; a divided map by its tiles.
+    pub maps: Vec<AmendedMap>,
+    /// Records that are in a patch.
     pub applied: usize,
     /// Records about elements of the store's other maps.
     pub elsewhere: usize,
-    /// Records that could not be written into the map.
+    /// Records that could not be written into a map.
     pub set_aside: Vec<SetAside>,
 }
 
-/// Writes `records` of a version into `map`, which must be (one of) the map(s) of that version.
+/// Brings `records` of a version into `maps`, which must be maps of that version, and Lanelet2.
+///
+/// Each record goes into one map. What is new gets ids that none of the maps has.
 ///
 /// # Errors
-/// The store or the map cannot be read, their elements differ, or `out` does not take the bytes.
-pub fn write_amended(
+/// The store or a map cannot be read, or their elements differ.
+pub fn amend(
     snapshot: &Snapshot,
     records: Vec<ChangeRecord>,
-    map: &Path,
+    maps: &[PathBuf],
     form: Amendment,
-    out: &mut impl Write,
 ) -> Result<Amended, EngineError> {
     let ours: Vec<ElementRow> = snapshot.read(TileFilter::All)?;
-    let theirs = same_map(snapshot, &ours, map)?;
-    let count = records.len();
-    let records: Vec<ChangeRecord> = records
-        .into_iter()
-        .filter(|record| match record.element {
-            Some(element) => theirs.contains(&element),
-            None => nearest(&ours, record).is_none_or(|element| theirs.contains(&element)),
+    let mut opened = Vec::new();
+    for map in maps {
+        for file in map::files(map)? {
+            opened.push(OpenMap::read(snapshot, &ours, &file)?);
+        }
+    }
+    let texts = opened.iter().map(|map| &map.text);
+    let mut ids = match form {
+        Amendment::Lanelet2 => NewIds::behind(texts),
+        Amendment::Osc => NewIds::before(texts),
+    };
+    let mut amended = Amended::default();
+    let shares = share_out(&ours, records, &opened, &mut amended);
+    for (map, records) in opened.iter().zip(shares) {
+        let patch = Patch::plan(&map.text, &records, &mut ids)?;
+        amended.take(map, &patch, form)?;
+    }
+    Ok(amended)
+}
+
+/// A map to be patched.
+struct OpenMap {
+    file: PathBuf,
+    text: OsmText,
+    elements: BTreeSet<i64>,
+}
+
+impl OpenMap {
+    fn read(snapshot: &Snapshot, ours: &[ElementRow], file: &Path) -> Result<Self, EngineError> {
+        let elements = same_map(snapshot, ours, file)?;
+        let name = file.display().to_string();
+        let bytes = std::fs::read(file).map_err(|source| MapError::Io {
+            file: name.clone(),
+            source,
+        })?;
+        let text = OsmText::read(bytes, &name)?.located(&mut LocalFrames::beside(file));
+        Ok(Self {
+            file: file.to_owned(),
+            text,
+            elements,
         })
-        .collect();
-    let name = map.display().to_string();
-    let unread = |source| MapError::Io {
-        file: name.clone(),
-        source,
-    };
-    let text = OsmText::read(std::fs::read(map).map_err(unread)?, &name)?
-        .located(&mut LocalFrames::beside(map));
-    let ids = match form {
-        Amendment::Lanelet2 => NewIds::Positive,
-        Amendment::Osc => NewIds::Negative,
-    };
-    let patch = Patch::plan(&text, &records, ids)?;
-    let written = match form {
-        Amendment::Lanelet2 => out.write_all(&patch.lanelet2(&text)),
-        Amendment::Osc => patch.osc(&text, out),
-    };
-    written.map_err(ExportError::from)?;
-    let not_applied = patch.not_applied.iter().map(|change| {
-        let reason = format!("change {:016x}: {}", change.change, change.reason);
-        SetAside::new(SetAsideKind::Element, &name, reason)
-    });
-    Ok(Amended {
-        applied: patch.applied,
-        elsewhere: count - records.len(),
-        set_aside: not_applied.collect(),
-    })
+    }
+
+    fn name(&self) -> String {
+        let name = self.file.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    }
+}
+
+/// The records of each map. Where two maps share an element, a patch of each would contradict the other.
+fn share_out(
+    ours: &[ElementRow],
+    records: Vec<ChangeRecord>,
+    maps: &[OpenMap],
+    amended: &mut Amended,
+) -> Vec<Vec<ChangeRecord>> {
+    let mut shares: Vec<Vec<ChangeRecord>> = maps.iter().map(|_| Vec::new()).collect();
+    for record in records {
+        let element = record.element.or_else(|| nearest(ours, &record));
+        let has_it = |map: &&OpenMap| element.is_none_or(|id| map.elements.contains(&id));
+        let having: Vec<&OpenMap> = maps.iter().filter(has_it).collect();
+        let first = maps.iter().position(|map| has_it(&map));
+        match (first, &having[..]) {
+            (Some(_), [one, other, ..]) if record.element.is_some() => {
+                let reason = format!(
+                    "change {:016x}: its element is also in {}; edit both by hand",
+                    record.change,
+                    other.file.display()
+                );
+                let file = one.file.display().to_string();
+                let lost = SetAside::new(SetAsideKind::Element, &file, reason);
+                amended.set_aside.push(lost);
+            }
+            (Some(first), _) => shares[first].push(record),
+            (None, _) => amended.elsewhere += 1,
+        }
+    }
+    shares
+}
+
+impl Amended {
+    fn take(&mut self, map: &OpenMap, patch: &Patch, form: Amendment) -> Result<(), EngineError> {
+        let mut bytes = Vec::new();
+        match form {
+            Amendment::Lanelet2 => bytes = patch.lanelet2(&map.text),
+            Amendment::Osc => patch
+                .osc(&map.text, &mut bytes)
+                .map_err(ExportError::from)?,
+        }
+        self.applied += patch.applied;
+        let file = map.file.display().to_string();
+        self.set_aside
+            .extend(patch.not_applied.iter().map(|change| {
+                let reason = format!("change {:016x}: {}", change.change, change.reason);
+                SetAside::new(SetAsideKind::Element, &file, reason)
+            }));
+        self.maps.push(AmendedMap {
+            name: map.name(),
+            bytes,
+        });
+        Ok(())
+    }
 }
 
 /// The elements of `map`, each of which must be in the store as it is.

@@ -5,6 +5,7 @@
 //! stage and the reduce stage, and kept by the store.
 
 mod accepted;
+mod at_hand;
 mod base_map;
 pub mod calibrate;
 pub mod cluster;

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use tilefold_reducers::groups::Extent;
 use tilefold_reducers::{Fold, stale};
 use tilefold_schemas::{
     ChangeRecord, EvidenceRow, Footprint, LayerHeader, Ledger, Sighting, TileId, Verdict,
@@ -59,9 +60,9 @@ pub struct Reduce<'a> {
     pub map: &'a MapIndex,
     /// Level of the tiles.
     pub tile_level: u32,
-    /// All sightings.
+    /// All sightings, wherever they are asked for.
     pub sightings: &'a [Sighting],
-    /// All footprints.
+    /// All footprints, wherever they are asked for.
     pub footprints: &'a [Footprint],
     /// How.
     pub fold: &'a Fold,
@@ -81,10 +82,13 @@ impl Reduce<'_> {
         change: &Change,
         rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
     ) -> Result<Vec<Layer>, EngineError> {
-        self.layers_with(change, &Judged::default(), rows_of)
+        let (layers, _) = self.layers_with(change, &Judged::default(), rows_of)?;
+        Ok(layers)
     }
 
     /// As [`Reduce::layers`], where some tiles were judged elsewhere: `rows_of` is not asked for them.
+    /// Also says where sightings and looks were asked for: from those of all these places, and no
+    /// others, come the layers.
     ///
     /// # Errors
     /// As [`Reduce::layers`].
@@ -93,16 +97,17 @@ impl Reduce<'_> {
         change: &Change,
         judged: &Judged,
         rows_of: impl FnMut(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
-    ) -> Result<Vec<Layer>, EngineError> {
+    ) -> Result<(Vec<Layer>, Vec<Extent>), EngineError> {
         self.progress
             .begin(Stage::Reduce, change.tiles.len() as u64);
-        let refolded = Scope::new(self, rows_of).taking(judged).refold(change)?;
+        let mut refolded = Scope::new(self, rows_of).taking(judged).refold(change)?;
+        let asked = std::mem::take(&mut refolded.asked);
         let count = refolded.tiles.len() as u64;
         self.meter.count(Stage::Reduce, count, 0);
         self.progress.advance(Stage::Reduce, count, 0);
         let layers = self.under_headers(refolded, judged);
         self.progress.end(Stage::Reduce);
-        layers
+        Ok((layers?, asked))
     }
 
     fn under_headers(

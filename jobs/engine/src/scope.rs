@@ -86,7 +86,8 @@ impl Change {
             .extend(headers.iter().map(|header| TileId(header.tile)));
     }
 
-    fn places(&self) -> Vec<Extent> {
+    /// Where something comes or leaves, with a margin.
+    pub(crate) fn places(&self) -> Vec<Extent> {
         let all = self.sighted.iter().chain(&self.looked);
         all.map(|&place| grown(place, LOOKED_M)).collect()
     }
@@ -100,6 +101,8 @@ pub(crate) struct Refolded {
     pub(crate) records: Vec<ChangeRecord>,
     /// Their rows that count, and some of others.
     pub(crate) rows: BTreeMap<TileId, Vec<EvidenceRow>>,
+    /// Where sightings and looks were asked for.
+    pub(crate) asked: Vec<Extent>,
 }
 
 /// Element in the order of a version's records.
@@ -119,6 +122,7 @@ pub(crate) struct Scope<'a, F> {
     rows: BTreeMap<TileId, Vec<EvidenceRow>>,
     records: BTreeMap<Key, Vec<ChangeRecord>>,
     judged: Option<&'a Judged>,
+    asked: Vec<Extent>,
 }
 
 impl<'a, F> Scope<'a, F>
@@ -146,6 +150,7 @@ where
             rows: BTreeMap::new(),
             records: BTreeMap::new(),
             judged: None,
+            asked: Vec::new(),
         }
     }
 
@@ -188,7 +193,7 @@ where
         let touched = self.beside(lines, &places, &change.sighted)?;
         let areas = match change.is_all {
             true => self.areas.numbers(),
-            false => self.areas.meeting(&places),
+            false => self.areas_meeting(&places),
         };
         let mut additions = Additions {
             lines: self.new_lines(&touched.lines),
@@ -205,7 +210,7 @@ where
         let others = self.beside(touched.lines.clone(), &around, &[])?;
         let more: BTreeSet<usize> = others.lines.difference(&touched.lines).copied().collect();
         additions.lines.extend(self.new_lines(&more));
-        let more = self.areas.meeting(&around);
+        let more = self.areas_meeting(&around);
         let more: BTreeSet<usize> = more.difference(&areas).copied().collect();
         additions.areas.extend(self.new_areas(&more));
 
@@ -218,7 +223,20 @@ where
             tiles,
             records,
             rows: self.rows,
+            asked: self.asked,
         })
+    }
+
+    fn areas_meeting(&mut self, places: &[Extent]) -> BTreeSet<usize> {
+        let found = self.areas.meeting(places);
+        ask(&mut self.asked, places, &self.areas, &found);
+        found
+    }
+
+    fn lines_meeting(&mut self, places: &[Extent]) -> BTreeSet<usize> {
+        let found = self.lines.meeting(places);
+        ask(&mut self.asked, places, &self.lines, &found);
+        found
     }
 
     /// Lines that were sighted where `places` are, or in `lines`, with all that they and the lines gone
@@ -233,7 +251,7 @@ where
             lines,
             gone: BTreeSet::new(),
         };
-        let mut new = self.lines.meeting(places);
+        let mut new = self.lines_meeting(places);
         new.extend(&found.lines);
         let mut looked_at: Vec<Extent> = left.to_vec();
         while !new.is_empty() || !looked_at.is_empty() {
@@ -243,7 +261,7 @@ where
             let gone: Vec<Key> = gone.difference(&found.gone).copied().collect();
             found.gone.extend(&gone);
             let places: Vec<Extent> = gone.iter().flat_map(|key| self.stretches(key)).collect();
-            let met = self.lines.meeting(&places);
+            let met = self.lines_meeting(&places);
             new = met.difference(&found.lines).copied().collect();
             looked_at.clear();
         }
@@ -436,6 +454,14 @@ impl Additions {
         self.lines.extend(self.areas);
         self.lines
     }
+}
+
+/// Whoever asks for groups at `places` asks for all sightings there, for whatever touches those that are
+/// found, and for all looks around them.
+fn ask(asked: &mut Vec<Extent>, places: &[Extent], groups: &Groups<'_>, found: &BTreeSet<usize>) {
+    asked.extend(places);
+    let found = found.iter();
+    asked.extend(found.map(|&number| grown(groups.extent(number), LOOKED_M)));
 }
 
 fn clones(groups: &Groups<'_>, numbers: &BTreeSet<usize>) -> Vec<Sighting> {

@@ -9,6 +9,7 @@ use tilefold_schemas::{ChunkId, ChunkRow, EvidenceRow, LayerHeader, Ledger, Test
 use tilefold_store::{Parameters, Snapshot, StoredTable, TileFilter, Transaction};
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
+use crate::at_hand::AtHand;
 use crate::base_map;
 use crate::calibrate;
 use crate::cluster::Exchanged;
@@ -168,24 +169,18 @@ impl Update<'_> {
             "evidence exchanged"
         );
         let base = transaction.base().clone();
-        let (sightings, vanished) = self.all(&base, &leaving, sightings)?;
-        let (footprints, overlooked) = self.all(&base, &leaving, footprints)?;
-        change.sightings(&vanished);
-        change.footprints(&overlooked);
+        let mut at_hand = AtHand::new(&base, &leaving, sightings, footprints)?;
+        match is_all {
+            true => at_hand.read_all()?,
+            false => at_hand.read_tiles(&touched)?,
+        }
+        change.sightings(at_hand.sightings.vanished());
+        change.footprints(at_hand.footprints.vanished());
         chunks.extend(kept);
         let tiles_of_chunks: BTreeSet<TileId> = chunks.iter().flat_map(tiles_of).collect();
         transaction.overwrite(chunks)?;
 
-        let reduce = Reduce {
-            map: self.map,
-            tile_level: self.tile_level,
-            sightings: &sightings,
-            footprints: &footprints,
-            fold: self.fold,
-            meter: self.meter,
-            progress: self.progress,
-        };
-        let layers = reduce.layers_with(&change, &judged, |tiles| {
+        let layers = self.layers(&change, &judged, &mut at_hand, |tiles| {
             self.rows_of(&base, tiles, &touched, &rows)
         })?;
         let folded = layers.len();
@@ -255,19 +250,31 @@ impl Update<'_> {
         Ok(ledger)
     }
 
-    /// All rows of a table as they will be, and those that leave it.
-    fn all<R: Testified + StoredTable>(
+    /// The layers that a change has an effect on. What they turn out to depend on, and was not read, is
+    /// read, and then they are made anew.
+    fn layers(
         &self,
-        base: &Snapshot,
-        leaving: &BTreeSet<ChunkId>,
-        rows: Vec<R>,
-    ) -> Result<(Vec<R>, Vec<R>), EngineError> {
-        let stored: Vec<R> = base.read(TileFilter::All)?;
-        let (vanished, stays): (Vec<R>, Vec<R>) = stored
-            .into_iter()
-            .partition(|row| leaving.contains(&row.chunk()));
-        let all = Ledger::of(stays).merge(Ledger::of(rows));
-        Ok((all.into_rows(), vanished))
+        change: &Change,
+        judged: &Judged,
+        at_hand: &mut AtHand<'_>,
+        rows_of: impl Fn(&BTreeSet<TileId>) -> Result<Ledger<EvidenceRow>, EngineError>,
+    ) -> Result<Vec<Layer>, EngineError> {
+        at_hand.read_at(&change.places())?;
+        loop {
+            let reduce = Reduce {
+                map: self.map,
+                tile_level: self.tile_level,
+                sightings: at_hand.sightings.rows(),
+                footprints: at_hand.footprints.rows(),
+                fold: self.fold,
+                meter: self.meter,
+                progress: self.progress,
+            };
+            let (layers, asked) = reduce.layers_with(change, judged, &rows_of)?;
+            if !at_hand.read_at(&asked)? {
+                return Ok(layers);
+            }
+        }
     }
 
     /// Ledger rows of tiles: those at hand of touched ones, and the store's of others.

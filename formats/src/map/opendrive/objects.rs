@@ -8,6 +8,7 @@
 //! | other object `roadMark` | ground sign; `subtype` says which (`arrowLeft`, ...) |
 //! | signal 294 and 341 of Germany (stop line, line to wait at) | stop line across the lanes it is valid for, or as wide as it says |
 
+use tilefold_schemas::limits::MAX_OUTLINES_PER_OBJECT;
 use tilefold_schemas::{ElementKind, Marking, SignClass};
 
 use super::road::{Across, Road};
@@ -83,8 +84,14 @@ fn areas(road: &Road, object: &Node) -> Result<Vec<Vec<[f64; 3]>>, String> {
         .chain(object.all_in("outlines", "outline"));
     let outer = outlines.filter(|outline| outline.attribute("outer") != "false");
     let areas = outer
+        .take(MAX_OUTLINES_PER_OBJECT + 1)
         .map(|outline| area(road, object, outline))
         .collect::<Result<Vec<_>, _>>()?;
+    if areas.len() > MAX_OUTLINES_PER_OBJECT {
+        return Err(format!(
+            "it has over {MAX_OUTLINES_PER_OBJECT} outlines (MAX_OUTLINES_PER_OBJECT)"
+        ));
+    }
     match areas.is_empty() {
         true => Ok(vec![own_box(road, object)?]),
         false => Ok(areas),

@@ -8,6 +8,7 @@ mod faulty;
 mod figures;
 mod files;
 mod oracle;
+mod reference;
 mod round_trip;
 mod rows;
 mod time_travel;

@@ -103,9 +103,8 @@ fn versions_are_compared_by_what_they_say() {
     assert!(same.out.contains("0 tiles differ"));
 }
 
-/// `TILEFOLD_PYTHON=.../bin/python cargo test -p tilefold -- --ignored other_programs`
 #[test]
-#[ignore = "needs Python with the packages that tests/oracles/read_exports.py names"]
+#[ignore = "needs the readers that tests/oracles/read_exports.py names: cargo xtask readers-test"]
 fn other_programs_find_in_every_form_what_is_in_it() {
     let town = Town::new();
     let store = town.store("store", &town.city.logs);
@@ -121,9 +120,8 @@ fn other_programs_find_in_every_form_what_is_in_it() {
     for (form, name) in [("lanelet2", "patched.osm"), ("osc", "change.osc")] {
         fs::write(folder.join(name), exported(&town, &store, form, &claims)).unwrap();
     }
-    let python = std::env::var("TILEFOLD_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/oracles/read_exports.py");
-    let said = Command::new(python)
+    let said = Command::new("python3")
         .arg(script)
         .arg(&folder)
         .output()

@@ -57,10 +57,8 @@ fn claim(verdict: Verdict, from_m: f64, to_m: f64) -> ChangeRecord {
     let on_road = matches!(verdict, Verdict::Added | Verdict::Modified);
     let wkb_line = wkb::line(&line(&[[from_m, 0.0], [to_m, 0.0]]));
     ChangeRecord {
-        tile: 0,
         change: (from_m * 1e3) as i64,
         element: (!is_added).then_some(7),
-        content: 0,
         kind: ElementKind::LaneMarking.code(),
         from_m: if is_added { 0.0 } else { from_m },
         to_m: if is_added { to_m - from_m } else { to_m },
@@ -70,23 +68,15 @@ fn claim(verdict: Verdict, from_m: f64, to_m: f64) -> ChangeRecord {
         p_removed: p(Verdict::Removed),
         p_modified: p(Verdict::Modified),
         log_odds: 4.6,
-        evidence_fx: 0,
         vehicles: 9,
         passes: 9,
         exposed: 100,
-        hit: 0,
-        first_ns: 0,
         last_ns: 1,
-        changed_after_ns: None,
-        changed_before_ns: None,
-        shift_m: None,
-        shift_sigma_m: None,
-        class_observed: None,
         geometry_old: (!is_added).then(|| wkb_line.clone()),
         geometry_new: on_road.then(|| wkb_line.clone()),
         best_vehicle: 1,
-        best_ns: 0,
         fusion_model: "calibrated".to_owned(),
+        ..ChangeRecord::default()
     }
 }
 
