@@ -34,10 +34,19 @@ pub fn tables(source: &str) -> Vec<Group> {
     let mut about = Vec::new();
     let mut group: Option<Group> = None;
     for line in source.lines().map(str::trim) {
-        if let Some(words) = line.strip_prefix("/// ") {
-            about.push(words.to_owned());
+        if let Some(words) = line.strip_prefix("///") {
+            about.push(words.trim().to_owned());
             continue;
         }
+        if line.starts_with("#[") {
+            continue;
+        }
+        // The first paragraph; what follows is for who works on the source.
+        about = about
+            .split(String::is_empty)
+            .next()
+            .unwrap_or_default()
+            .to_vec();
         let said = plain(&about.join(" "));
         about.clear();
         if let Some(name) = table_name(line) {

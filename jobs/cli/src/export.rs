@@ -86,20 +86,6 @@ fn is_accepted(record: &ChangeRecord, decisions: &Decisions) -> bool {
     })
 }
 
-fn amend(
-    snapshot: &Snapshot,
-    records: Vec<ChangeRecord>,
-    map: &Path,
-    form: Amendment,
-    out: Option<&Path>,
-) -> Result<Outcome> {
-    let amended = match out {
-        Some(path) => to_file(path, |out| {
-            Ok(write_amended(snapshot, records, map, form, out)?)
-        })?,
-        None => write_amended(snapshot, records, map, form, &mut std::io::stdout().lock())?,
-    };
-    tell!("{} changes are in it", amended.applied);
 /// One map goes to the standard output or a file, several go into a folder.
 fn write_maps(amended: &Amended, form: Amendment, out: Option<&Path>) -> Result<Outcome> {
     match (&amended.maps[..], out) {
@@ -108,7 +94,7 @@ fn write_maps(amended: &Amended, form: Amendment, out: Option<&Path>) -> Result<
         (_, None) => return Err("these are several maps: name a folder with --out".into()),
         (_, Some(folder)) => write_into(folder, amended, form)?,
     }
-    eprintln!("{} changes are in it", amended.applied);
+    tell!("{} changes are in it", amended.applied);
     if amended.elsewhere > 0 {
         tell!("{} are about other maps of the store", amended.elsewhere);
     }
