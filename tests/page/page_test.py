@@ -360,6 +360,21 @@ def test_other_sites_and_paths_do_not_get_in(bench, url):
     assert (bench.store / "decisions.jsonl").read_text() == before
 
 
+def test_frames_come_from_the_logs_that_were_named_and_from_nowhere_else(bench, url):
+    id = next(iter(claims(bench.records(None, "--all"))))
+    path = f"/data/frame/3/{id}/0"
+    # Without logs there are no pictures, though the store names its logs and they are where they were.
+    assert ask(url, path)[0] == 404
+    with served(bench, "--frames-from", bench.folder / "city" / "logs") as url:
+        status, why, _ = ask(url, path)
+        assert status == 422 and b"detections are in metres" in why, (status, why)
+        for wrong in (f"/data/frame/3/{id}/999", f"/data/frame/3/{'0' * 16}/0", f"/data/frame/3/{id}/-1", f"/data/frame/3/..%2f..%2fcity/0"):
+            assert ask(url, wrong)[0] in (400, 404), wrong
+    with served(bench, "--frames-from", bench.folder / "nowhere") as url:
+        status, why, _ = ask(url, path)
+        assert status == 422 and b"--logs" not in why, (status, why)
+
+
 # From a file
 
 

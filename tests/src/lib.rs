@@ -2,6 +2,7 @@
 //! tests under `tests/` call.
 
 pub mod arrows;
+pub mod documents;
 pub mod faulty;
 pub mod logs;
 pub mod pictures;

@@ -150,9 +150,15 @@ impl Root {
 
     fn folder(folder: &Path, location: &Location) -> Result<Self, StoreError> {
         if !folder.is_dir() {
+            let reason = match folder.exists() {
+                true => {
+                    "it is a file, and a store is a folder (`tilefold inspect` says what it is)"
+                }
+                false => "there is no such folder",
+            };
             return Err(StoreError::NotAStore {
                 location: location.to_string(),
-                reason: "there is no such folder".to_owned(),
+                reason: reason.to_owned(),
             });
         }
         let storage =

@@ -25,6 +25,24 @@ pub(crate) struct Args {
     /// Progress on standard error. Bars need a terminal; `json` prints a line an event.
     #[arg(long, global = true, value_enum, default_value_t)]
     pub progress: ProgressForm,
+    /// What is logged on standard error: this and what is graver.
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        default_value_t,
+        env = "TILEFOLD_LOG_LEVEL"
+    )]
+    pub log_level: LogLevel,
+    /// Form of the log.
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        default_value_t,
+        env = "TILEFOLD_LOG_FORM"
+    )]
+    pub log_form: LogForm,
     /// Threads; 0 takes all cores.
     #[arg(long, global = true, default_value_t = 0, env = "TILEFOLD_THREADS")]
     pub threads: usize,
@@ -105,6 +123,34 @@ pub(crate) enum ProgressForm {
     Json,
     /// Nothing.
     Off,
+}
+
+/// How grave what is logged has to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum LogLevel {
+    /// Nothing is logged.
+    Off,
+    /// What failed.
+    Error,
+    /// What may have to be looked after.
+    #[default]
+    Warn,
+    /// The steps of a job, what was set aside, other writers that were faster.
+    Info,
+    /// Each unit of work, and what storage does.
+    Debug,
+    /// Everything.
+    Trace,
+}
+
+/// Form of the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum LogForm {
+    /// Lines for people.
+    #[default]
+    Text,
+    /// One JSON object a line.
+    Json,
 }
 
 /// Name of a fusion model on the command line.
@@ -213,6 +259,10 @@ pub(crate) enum Command {
         /// Shows what would be done, and does nothing.
         #[arg(long)]
         plan: bool,
+        /// File for metrics in the text form of Prometheus (node_exporter's textfile collector takes
+        /// names that end in .prom); written every ten seconds and at the end.
+        #[arg(long, value_name = "FILE", conflicts_with = "plan")]
+        metrics: Option<PathBuf>,
     },
     /// How fast this machine is: runs a job in a temporary folder and prints its stages, with their
     /// rates in a second of one thread's work.
@@ -376,11 +426,18 @@ pub(crate) enum Command {
     /// Prints the reference of the command line (docs/reference/cli.md).
     #[command(hide = true)]
     Reference,
-    /// Prints completions for a shell.
-    #[command(hide = true)]
+    /// Prints completions for a shell. For bash: `tilefold completions bash >
+    /// ~/.local/share/bash-completion/completions/tilefold`.
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
+    },
+    /// Writes man pages, one for each command: `tilefold man --out ~/.local/share/man/man1`, then
+    /// `man tilefold-run`.
+    Man {
+        /// Folder for the pages; made if it is not there.
+        #[arg(long, short, value_name = "FOLDER")]
+        out: PathBuf,
     },
 }
 
@@ -546,6 +603,16 @@ pub(crate) struct Serving {
     /// Name under which this machine may be asked, besides `localhost` and its addresses.
     #[arg(long, value_name = "NAME")]
     pub host: Vec<String>,
+    /// MCAP files, or folders of them: the page shows the frames that say most of a change, with what
+    /// was detected and the map. No other files are looked into, whatever the store names.
+    #[arg(long, value_name = "LOG", num_args = 1..)]
+    pub frames_from: Vec<PathBuf>,
+    /// Model card (.toml) of the network that looked at the pictures of logs without detections.
+    #[arg(long, value_name = "CARD", requires = "frames_from")]
+    pub detector: Option<PathBuf>,
+    /// ONNX Runtime.
+    #[command(flatten)]
+    pub runtime: Runtime,
     /// File that keeps the decisions; `decisions.jsonl` in the store if not given. A store in a
     /// bucket has no place for it: name one.
     #[arg(long, value_name = "FILE")]
@@ -694,7 +761,7 @@ impl std::fmt::Debug for Salt {
 /// Nanoseconds since the Unix epoch.
 fn time(text: &str) -> Result<i64, String> {
     let time = chrono::DateTime::parse_from_rfc3339(text)
-        .map_err(|error| format!("{error}; give a time like 2026-03-15T00:00:00Z"))?;
+        .map_err(|_| "no time; give one like 2026-03-15T00:00:00Z".to_owned())?;
     time.timestamp_nanos_opt()
         .ok_or_else(|| "a year between 1678 and 2262 is needed".to_owned())
 }

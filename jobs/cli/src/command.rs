@@ -3,12 +3,11 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use clap::CommandFactory;
 use serde::Serialize;
 use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, overview, plots};
 use tilefold_engine::{
-    Criteria, FusionModel, InitOptions, Limit, Meter, Perception, RunOptions, RunReport, evaluate,
-    init, plan, run_seeing, run_within,
+    Criteria, EngineError, Evaluation, FusionModel, InitOptions, InitReport, Limit, Meter,
+    Perception, Progress, RunOptions, RunReport, evaluate, init, plan, run_seeing, run_within,
 };
 use tilefold_formats::geojson::read_changes_file;
 use tilefold_formats::matching_truth::MatchingTruth;
@@ -17,10 +16,11 @@ use tilefold_store::{Store, TileFilter};
 
 use crate::args::{Args, Command, Runtime};
 use crate::at::{At, open};
-use crate::report::{Outcome, print, print_set_aside};
+use crate::metrics::Metrics;
+use crate::report::{Outcome, print, print_set_aside, to_stdout};
 use crate::{
-    bench, calibration, compare, demo, detect, evaluation, explanation, export, inspect, progress,
-    rebase, reference, regions, retract, review, simulate, table, vacuum,
+    bench, calibration, compare, demo, detect, evaluation, explanation, export, inspect, manual,
+    progress, rebase, reference, regions, retract, review, simulate, table, vacuum,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -73,6 +73,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             detector,
             runtime,
             memory,
+            metrics,
             ..
         } => {
             let perception = perception(detector.as_deref(), runtime)?;
@@ -81,12 +82,14 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
                 registering: (*registration).into(),
                 as_of_ns: *as_of,
             };
-            match *memory {
-                Some(bytes) => {
-                    run_limited(args, (store, logs), options, perception.as_ref(), bytes)
-                }
-                None => run_logs(args, store, logs, options, perception.as_ref()),
-            }
+            let job = Job {
+                store,
+                logs,
+                options,
+                perception: perception.as_ref(),
+                memory_bytes: *memory,
+            };
+            run_logs(args, &job, metrics.as_deref())
         }
         Command::Bench(wanted) => bench::bench(args, wanted),
         Command::Detect(asked) => detect::detect_in(args, asked),
@@ -153,34 +156,40 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             score(args, &asked, &options)
         }
         Command::Reference => {
-            print!("{}", reference::page());
+            to_stdout(&reference::page())?;
             Ok(Outcome::Done)
         }
         Command::Completions { shell } => {
-            let mut command = Args::command();
-            clap_complete::generate(*shell, &mut command, "tilefold", &mut std::io::stdout());
+            manual::completions(*shell)?;
+            Ok(Outcome::Done)
+        }
+        Command::Man { out } => {
+            let count = manual::man_pages(out)?;
+            print(args, &serde_json::json!({ "pages": count }), |_| {
+                let folder = out.display();
+                format!("wrote {count} man pages to {folder}: `man -l {folder}/tilefold.1`")
+            })?;
             Ok(Outcome::Done)
         }
     }
 }
 
-/// `init`.
-///
-/// # Errors
-/// As [`tilefold_engine::init()`].
-pub(crate) fn init_store(
+/// What came of `init`, for people.
+pub(crate) fn words_of_init(report: &InitReport) -> String {
+    format!(
+        "created {} at version {}: {} elements in {} tiles",
+        report.store, report.version, report.elements, report.tiles
+    )
+}
+
+fn init_store(
     args: &Args,
     store: &Path,
     maps: &[PathBuf],
     options: &InitOptions,
 ) -> Result<Outcome> {
     let report = init(store, maps, options)?;
-    print(args, &report, |report| {
-        format!(
-            "created {} at version {}: {} elements in {} tiles",
-            report.store, report.version, report.elements, report.tiles
-        )
-    })?;
+    print(args, &report, words_of_init)?;
     print_set_aside(&report.set_aside);
     Ok(Outcome::with(&report.set_aside))
 }
@@ -213,42 +222,60 @@ fn plan_logs(
     Ok(Outcome::with(&plan.set_aside))
 }
 
-/// `run`.
-///
-/// # Errors
-/// As [`tilefold_engine::run()`].
-pub(crate) fn run_logs(
-    args: &Args,
-    store: &Path,
-    logs: &[PathBuf],
-    options: impl Into<RunOptions>,
-    perception: Option<&Perception>,
-) -> Result<Outcome> {
-    let progress = progress::listener(args.progress);
-    let report = run_seeing(store, logs, options, perception, progress.as_ref())?;
-    tell(args, &report)
-}
-
-/// `run --memory`.
-fn run_limited(
-    args: &Args,
-    (store, logs): (&Path, &[PathBuf]),
+/// What `run` was asked for.
+struct Job<'a> {
+    store: &'a Path,
+    logs: &'a [PathBuf],
     options: RunOptions,
-    perception: Option<&Perception>,
-    bytes: u64,
-) -> Result<Outcome> {
-    let limit = Limit {
-        bytes,
-        folder: std::env::temp_dir(),
-    };
-    let progress = progress::listener(args.progress);
-    let report = run_within(store, logs, options, perception, &limit, progress.as_ref())?;
-    tell(args, &report)
+    perception: Option<&'a Perception>,
+    /// Limit of memory, if there is one.
+    memory_bytes: Option<u64>,
 }
 
-fn tell(args: &Args, report: &RunReport) -> Result<Outcome> {
-    print(args, report, table::run)?;
+impl Job<'_> {
+    fn run(&self, progress: &dyn Progress) -> std::result::Result<RunReport, EngineError> {
+        let Some(bytes) = self.memory_bytes else {
+            return run_seeing(
+                self.store,
+                self.logs,
+                self.options,
+                self.perception,
+                progress,
+            );
+        };
+        let limit = Limit {
+            bytes,
+            folder: std::env::temp_dir(),
+        };
+        run_within(
+            self.store,
+            self.logs,
+            self.options,
+            self.perception,
+            &limit,
+            progress,
+        )
+    }
+}
+
+fn run_logs(args: &Args, job: &Job<'_>, metrics: Option<&Path>) -> Result<Outcome> {
+    let progress = progress::listener(args.progress);
+    let report = match metrics {
+        None => job.run(progress.as_ref())?,
+        Some(file) => {
+            let metrics = Metrics::begin(file, progress)?;
+            let report = job.run(&metrics);
+            metrics.end(report.as_ref().ok())?;
+            report?
+        }
+    };
+    print(args, &report, table::run)?;
     print_set_aside(&report.set_aside);
+    if report.logs == 0 && !job.logs.is_empty() {
+        tell!(
+            "no log could be read: give MCAP files, or folders that they lie in; nothing was done"
+        );
+    }
     Ok(Outcome::with(&report.set_aside))
 }
 
@@ -373,7 +400,7 @@ fn show(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
 fn verify(args: &Args, store: &Path, version: Option<At>) -> Result<Outcome> {
     let verification = tilefold_engine::verify(&open(store, version)?)?;
     for finding in &verification.findings {
-        eprintln!("{finding}");
+        tell!("{finding}");
     }
     print(args, &verification, |v| {
         format!(
@@ -406,11 +433,17 @@ pub(crate) struct Asked<'a> {
     pub(crate) plots: Option<&'a Path>,
 }
 
-/// `evaluate`.
+fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result<Outcome> {
+    let evaluation = scored(args, asked, options)?;
+    print(args, &evaluation, evaluation::words)?;
+    Ok(Outcome::Done)
+}
+
+/// Scores a version, and writes the pictures of it that are asked for.
 ///
 /// # Errors
 /// The store or the truth cannot be read, or the pictures not be written.
-pub(crate) fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result<Outcome> {
+pub(crate) fn scored(args: &Args, asked: &Asked<'_>, options: &Options) -> Result<Evaluation> {
     let snapshot = open(asked.store, asked.version)?;
     let truth = asked.truth.map(read_changes_file).transpose()?;
     let subject = Subject {
@@ -431,9 +464,8 @@ pub(crate) fn score(args: &Args, asked: &Asked<'_>, options: &Options) -> Result
         let mut written = overview::write(folder, &subject, asked.model, options.criteria)?;
         written.extend(plots::write(folder, &evaluation)?);
         for file in written {
-            eprintln!("wrote {}", file.display());
+            tell!("wrote {}", file.display());
         }
     }
-    print(args, &evaluation, evaluation::words)?;
-    Ok(Outcome::Done)
+    Ok(evaluation)
 }

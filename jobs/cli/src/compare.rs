@@ -24,6 +24,11 @@ const LINES: usize = 200;
 pub(crate) fn compare(args: &Args, asked: &Compare) -> Result<Outcome> {
     match &asked.b {
         Some(b) => maps(args, &asked.a, b, asked.tolerance_m),
+        None if asked.a.is_file() => Err(format!(
+            "{} is a file: name the map to compare it with as well, or a store alone",
+            asked.a.display()
+        )
+        .into()),
         None => versions(args, &asked.a, asked.from, asked.to),
     }
 }

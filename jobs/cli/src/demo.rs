@@ -6,15 +6,17 @@ use std::path::Path;
 use tilefold_city::{CitySpec, LogProfile, Site};
 use tilefold_engine::evaluate::Options;
 use tilefold_engine::frames::{self, Sources};
-use tilefold_engine::{FusionModel, InitOptions, Perception, RunOptions, explain};
+use tilefold_engine::{
+    FusionModel, InitOptions, Perception, RunOptions, explain, init, run_seeing,
+};
 use tilefold_review::ReviewError;
 use tilefold_schemas::{ChangeRecord, Verdict};
 use tilefold_store::{Snapshot, Store, TileFilter};
 
-use crate::args::Args;
-use crate::command::{Asked, init_store, run_logs, score};
-use crate::report::Outcome;
-use crate::review;
+use crate::args::{Args, Format};
+use crate::command::{Asked, scored, words_of_init};
+use crate::report::{Outcome, print_set_aside, to_stdout};
+use crate::{evaluation, progress, review, table};
 
 /// Makes the city, runs the job on it and scores both folds. With `perception`, the vehicles have
 /// cameras, and the surest change is shown in the frames that say most about it.
@@ -32,9 +34,9 @@ pub(crate) fn demo(
         std::fs::remove_dir_all(&store)?;
     }
     let spec = city(seed, perception.is_some());
-    eprintln!("making a city (seed {seed}) in {}", out.display());
+    tell!("making a city (seed {seed}) in {}", out.display());
     if perception.is_some() {
-        eprintln!(
+        tell!(
             "rendering what {} cameras see: this takes minutes",
             spec.vehicles
         );
@@ -44,8 +46,13 @@ pub(crate) fn demo(
         tile_level: 15,
         salt: None,
     };
-    init_store(args, &store, &[city.before_map], &options)?;
-    let outcome = run_logs(args, &store, &city.logs, RunOptions::default(), perception)?;
+    let made = init(&store, &[city.before_map], &options)?;
+    say(args, words_of_init(&made))?;
+    let progress = progress::listener(args.progress);
+    let options = RunOptions::default();
+    let ran = run_seeing(&store, &city.logs, options, perception, progress.as_ref())?;
+    say(args, table::run(&ran))?;
+    print_set_aside(&ran.set_aside);
     let report = out.join("report");
     let asked = Asked {
         store: &store,
@@ -55,7 +62,8 @@ pub(crate) fn demo(
         matching: None,
         plots: Some(&report),
     };
-    score(args, &asked, &Options::default())?;
+    let evaluation = scored(args, &asked, &Options::default())?;
+    say(args, evaluation::words(&evaluation))?;
     if perception.is_some() {
         show_surest(
             &Store::open(store.clone())?.snapshot(None)?,
@@ -63,13 +71,25 @@ pub(crate) fn demo(
             &report,
         )?;
     }
-    eprintln!(
+    tell!(
         "the map with the changes on it is {}; the store is {}: try `tilefold show` and `tilefold export --format geojson` on it",
         report.join("overview.svg").display(),
         store.display()
     );
     point_to_page(&store, &out.join("review"))?;
-    Ok(outcome)
+    if args.format == Format::Json {
+        let all = serde_json::json!({ "init": made, "run": ran, "evaluate": evaluation });
+        to_stdout(&format!("{all:#}\n"))?;
+    }
+    Ok(Outcome::with(&ran.set_aside))
+}
+
+/// What a step has to say, at once; as JSON, all steps are said together at the end.
+fn say(args: &Args, words: String) -> Result<(), Box<dyn Error>> {
+    match args.format {
+        Format::Json => Ok(()),
+        _ => to_stdout(&format!("{}\n", words.trim_end())),
+    }
 }
 
 /// Writes the review page beside the store and says how to open it. Without its map library the demo
@@ -79,12 +99,12 @@ fn point_to_page(store: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
         std::fs::remove_dir_all(folder)?;
     }
     match review::write_page_of(store, folder)? {
-        Some(report) => eprintln!(
+        Some(report) => tell!(
             "the review page is {}: open it in a browser; or, to keep what you decide with the store, run `tilefold serve {}`",
             report.page.display(),
             store.display()
         ),
-        None => eprintln!("{}", ReviewError::NoMapLibrary),
+        None => tell!("{}", ReviewError::NoMapLibrary),
     }
     Ok(())
 }
@@ -136,7 +156,7 @@ fn show_surest(
     };
     let pictures = frames::write(snapshot, &frames, sources, report)?;
     if let Some(picture) = pictures.written.first() {
-        eprintln!(
+        tell!(
             "a frame that speaks for the surest change ({:016x}), with detections, map and verdicts, is {}",
             surest.change,
             picture.display()

@@ -42,7 +42,7 @@ pub(crate) fn explain_verdict(
         .collect();
     let pictures = frames::write(&snapshot, &frames, sources, folder)?;
     let count = pictures.written.len();
-    eprintln!(
+    tell!(
         "{count} of {} frames are in {}",
         frames.len(),
         folder.display()

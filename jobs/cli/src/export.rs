@@ -94,9 +94,9 @@ fn write_maps(amended: &Amended, form: Amendment, out: Option<&Path>) -> Result<
         (_, None) => return Err("these are several maps: name a folder with --out".into()),
         (_, Some(folder)) => write_into(folder, amended, form)?,
     }
-    eprintln!("{} changes are in it", amended.applied);
+    tell!("{} changes are in it", amended.applied);
     if amended.elsewhere > 0 {
-        eprintln!("{} are about other maps of the store", amended.elsewhere);
+        tell!("{} are about other maps of the store", amended.elsewhere);
     }
     print_set_aside(&amended.set_aside);
     Ok(match amended.set_aside.is_empty() {
@@ -149,10 +149,10 @@ fn show(
     };
     if let Some(path) = &asked.out {
         let written = records.len() - without;
-        eprintln!("wrote {written} features to {}", path.display());
+        tell!("wrote {written} features to {}", path.display());
     }
     if without > 0 {
-        eprintln!("{without} records without a geometry have no place in this form");
+        tell!("{without} records without a geometry have no place in this form");
     }
     Ok(Outcome::Done)
 }

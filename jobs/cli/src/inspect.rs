@@ -19,6 +19,9 @@ use crate::table;
 /// # Errors
 /// It is nothing that is known, or damaged as a whole.
 pub(crate) fn look_into(args: &Args, file: &Path) -> Result<Outcome, Box<dyn Error>> {
+    if !file.exists() && !file.to_string_lossy().contains("://") {
+        return Err(format!("there is nothing at {}; check the path", file.display()).into());
+    }
     let inspection = inspect(file)?;
     print(args, &inspection, words)?;
     print_set_aside(&inspection.set_aside);

@@ -1,5 +1,8 @@
 //! The command line: flags in, reports out. It owns no algorithm.
 
+#[macro_use]
+mod report;
+
 mod args;
 mod at;
 mod bench;
@@ -12,11 +15,13 @@ mod evaluation;
 mod explanation;
 mod export;
 mod inspect;
+mod logging;
+mod manual;
+mod metrics;
 mod progress;
 mod rebase;
 mod reference;
 mod regions;
-mod report;
 mod retract;
 mod review;
 mod simulate;
@@ -35,11 +40,12 @@ const EXIT_DIFFERS: u8 = 4;
 
 fn main() -> ExitCode {
     let args = Args::parse_checked();
+    logging::start(args.log_level, args.log_form);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads)
         .build_global();
     if let Err(error) = pool {
-        eprintln!("error: cannot start {} threads: {error}", args.threads);
+        tell!("error: cannot start {} threads: {error}", args.threads);
         return ExitCode::FAILURE;
     }
     match command::dispatch(&args) {
@@ -47,6 +53,7 @@ fn main() -> ExitCode {
         Ok(Outcome::SetAside) => ExitCode::from(EXIT_SET_ASIDE),
         Ok(Outcome::Wrong) => ExitCode::FAILURE,
         Ok(Outcome::Differs) => ExitCode::from(EXIT_DIFFERS),
+        Err(error) if report::is_reader_gone(error.as_ref()) => ExitCode::SUCCESS,
         Err(error) => {
             report::print_error(&args, error.as_ref());
             ExitCode::FAILURE

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use tilefold_engine::{Progress, Silent, Stage};
+use tilefold_engine::{Meter, Progress, Silent, Stage};
 
 use crate::args::ProgressForm;
 
@@ -20,14 +20,27 @@ pub(crate) fn listener(form: ProgressForm) -> Box<dyn Progress> {
     }
 }
 
-/// Bars with rate, time to go and losses.
+/// Bars with rate, time to go, bottleneck and losses.
 #[derive(Default)]
 struct Bars {
     bar: Mutex<Option<ProgressBar>>,
     set_aside: AtomicU64,
+    bottleneck: Mutex<String>,
 }
 
 impl Bars {
+    /// What is said behind a bar: what takes the time, and what was lost.
+    fn say(&self) {
+        let busiest = self.bottleneck.lock().unwrap_or_else(|e| e.into_inner());
+        let lost = self.set_aside.load(Ordering::Relaxed);
+        let lost = (lost > 0).then(|| format!("set aside {lost}"));
+        let parts: Vec<&str> = [busiest.as_str(), lost.as_deref().unwrap_or_default()]
+            .into_iter()
+            .filter(|part| !part.is_empty())
+            .collect();
+        self.with(|bar| bar.set_message(parts.join(", ")));
+    }
+
     fn with(&self, act: impl FnOnce(&ProgressBar)) {
         if let Some(bar) = self.bar.lock().unwrap_or_else(|e| e.into_inner()).as_ref() {
             act(bar);
@@ -47,17 +60,21 @@ impl Progress for Bars {
     }
 
     fn advance(&self, _: Stage, done: u64, set_aside: u64) {
-        let total = self.set_aside.fetch_add(set_aside, Ordering::Relaxed) + set_aside;
-        self.with(|bar| {
-            bar.inc(done);
-            if total > 0 {
-                bar.set_message(format!("set aside {total}"));
-            }
-        });
+        self.set_aside.fetch_add(set_aside, Ordering::Relaxed);
+        self.with(|bar| bar.inc(done));
+        self.say();
     }
 
     fn end(&self, _: Stage) {
         self.with(ProgressBar::finish);
+    }
+
+    fn measured(&self, meter: &Meter) {
+        if let Some((stage, share)) = meter.bottleneck() {
+            let text = format!("mostly {} ({:.0} %)", stage.name(), share * 100.0);
+            *self.bottleneck.lock().unwrap_or_else(|e| e.into_inner()) = text;
+        }
+        self.say();
     }
 }
 
@@ -70,10 +87,10 @@ struct Lines {
 impl Lines {
     fn print(event: &str, stage: Stage, (done, total, set_aside): (u64, u64, u64)) {
         let line = serde_json::json!({
-            "event": event, "stage": stage.name(), "unit": stage.unit(),
+            "event": event, "stage": stage.name(), "unit": stage.step(),
             "done": done, "total": total, "set_aside": set_aside,
         });
-        eprintln!("{line}");
+        tell!("{line}");
     }
 }
 

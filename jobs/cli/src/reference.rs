@@ -1,5 +1,6 @@
 //! `reference`: the page of the book about the command line, made from what clap knows.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use clap::{Command, CommandFactory};
@@ -9,7 +10,7 @@ use crate::args::Args;
 const INTRODUCTION: &str = "\
 # The command line
 
-Made by `tilefold reference`; a test keeps it fresh. The options `--format`, `--progress` and `--threads` are common to all commands and are listed
+Made by `tilefold reference`; a test keeps it fresh. The options `--format`, `--progress`, `--threads`, `--log-level` and `--log-form` are common to all commands and are listed
 once, under `tilefold`.
 
 ## Exit codes
@@ -22,8 +23,22 @@ once, under `tilefold`.
 | 3 | done, but something was set aside; it is listed by file, topic and reason on standard error |
 | 4 | `verify` or `compare` found a difference |
 ";
+const ENVIRONMENT: &str = "
+## The environment
+
+There is no configuration file. What many jobs have in common may stand in the environment; a flag wins over its variable.
+
+| variable | flag |
+| --- | --- |
+";
+/// Variables that no flag of this program reads.
+const OTHERS: &str = "\
+| `TILEFOLD_MODELS` | folders, divided as in `PATH`, where models are looked for that do not lie beside their card |
+| `ORT_DYLIB_PATH` | the library of ONNX Runtime, if `--onnxruntime` names none |
+| `AWS_...` | how buckets are reached: [stores in a bucket](../guide/buckets.md) |
+";
 /// Options of all commands, listed once.
-const COMMON: [&str; 3] = ["format", "progress", "threads"];
+const COMMON: [&str; 5] = ["format", "progress", "threads", "log_level", "log_form"];
 /// Columns of the help texts.
 const WIDTH: usize = 100;
 
@@ -41,7 +56,28 @@ pub(crate) fn page() -> String {
             .fold(bare, |bare, option| without(bare, option));
         section(&mut page, &name, bare);
     }
-    page
+    page + ENVIRONMENT + &variables(&root) + OTHERS
+}
+
+/// A line for each variable that a flag may be given by.
+fn variables(root: &Command) -> String {
+    let mut lines = BTreeSet::new();
+    for command in std::iter::once(root).chain(root.get_subcommands()) {
+        for argument in command.get_arguments() {
+            let (Some(variable), Some(flag)) = (argument.get_env(), argument.get_long()) else {
+                continue;
+            };
+            let of = match argument.is_global_set() {
+                true => String::new(),
+                false => format!(" of `{}`", command.get_name()),
+            };
+            lines.insert(format!(
+                "| `{}` | `--{flag}`{of} |\n",
+                variable.to_string_lossy()
+            ));
+        }
+    }
+    lines.into_iter().collect()
 }
 
 /// The options of all commands are not those of one.

@@ -8,14 +8,16 @@ use tilefold_engine::export::{Choice, chosen};
 use tilefold_formats::geojson::Reviewed;
 use tilefold_review::decision::FILE;
 use tilefold_review::{
-    Decision, Decisions, Door, FolderReport, Review, ReviewError, Said, Served, serve, write_folder,
+    Decision, Decisions, Door, FolderReport, Gallery, Review, ReviewError, Said, Served, serve,
+    write_folder,
 };
 use tilefold_schemas::Verdict;
 use tilefold_store::{Snapshot, Store};
 
 use crate::args::{Args, Deciding, Export, Say, Serving};
 use crate::at::open;
-use crate::report::{Outcome, print};
+use crate::command::perception;
+use crate::report::{Outcome, print, to_stdout};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -29,7 +31,7 @@ pub(crate) fn serve_page(_args: &Args, asked: &Serving) -> Result<Outcome> {
     let review = Review::open(snapshot.store().clone(), version)?;
     let decisions = file_of_decisions(&asked.store, asked.decisions.as_deref());
     if decisions.is_none() {
-        eprintln!("a store in a bucket keeps no decisions: name a file with --decisions to decide");
+        tell!("a store in a bucket keeps no decisions: name a file with --decisions to decide");
     }
     let door = Door {
         address: SocketAddr::new(asked.bind, asked.port),
@@ -37,18 +39,20 @@ pub(crate) fn serve_page(_args: &Args, asked: &Serving) -> Result<Outcome> {
         decisions,
         now,
     };
-    serve(review, door, tell)?;
+    let perception = perception(asked.detector.as_deref(), &asked.runtime)?;
+    let gallery = Gallery::new(asked.frames_from.clone(), perception);
+    serve(review, door, gallery, tell)?;
     Ok(Outcome::Done)
 }
 
 fn tell(served: &Served) {
-    println!("{}", served.url);
-    eprintln!(
+    let _ = to_stdout(&format!("{}\n", served.url));
+    tell!(
         "the review page is at {} until this is stopped (Ctrl-C)",
         served.url
     );
     if served.is_open {
-        eprintln!("other machines can open it, without a password, and decide on it");
+        tell!("other machines can open it, without a password, and decide on it");
     }
 }
 

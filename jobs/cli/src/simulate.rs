@@ -5,8 +5,8 @@ use std::error::Error;
 use serde_json::json;
 use tilefold_city::{CityFiles, CitySpec, LogProfile, Site};
 
-use crate::args::{Args, Format, ProfileName, Simulation};
-use crate::report::Outcome;
+use crate::args::{Args, ProfileName, Simulation};
+use crate::report::{Outcome, print};
 
 /// Makes a city and says where its files are.
 ///
@@ -15,18 +15,15 @@ use crate::report::Outcome;
 pub(crate) fn simulate(args: &Args, wanted: &Simulation) -> Result<Outcome, Box<dyn Error>> {
     let spec = spec(wanted)?;
     let files = tilefold_city::write(&spec, &wanted.out)?;
-    match args.format {
-        Format::Json => println!("{:#}", summary(&files)),
-        _ => {
-            println!("map    {}", files.before_map.display());
-            println!("truth  {}", files.truth.display());
-            println!(
-                "logs   {} in {}",
-                files.logs.len(),
-                wanted.out.join("logs").display()
-            );
-        }
-    }
+    print(args, &summary(&files), |_| {
+        format!(
+            "map    {}\ntruth  {}\nlogs   {} in {}",
+            files.before_map.display(),
+            files.truth.display(),
+            files.logs.len(),
+            wanted.out.join("logs").display()
+        )
+    })?;
     Ok(Outcome::Done)
 }
 

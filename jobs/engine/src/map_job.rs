@@ -98,6 +98,7 @@ pub fn map_units(
         perceive::look(perception, catalogue, &windows, meter, progress)
     });
     progress.begin(Stage::Map, units.len() as u64);
+    let job = tracing::Span::current();
     // Whoever is idle takes the largest that is left.
     let mut order: Vec<(usize, &Unit)> = units.iter().enumerate().collect();
     order.sort_by_key(|&(index, unit)| (Reverse(unit.size(catalogue)), index));
@@ -107,7 +108,10 @@ pub fn map_units(
         .map(|(index, unit)| {
             let output = map_unit(&sights, catalogue, unit, known, salt, context, meter);
             let losses = output.set_aside.iter().map(|loss| loss.count).sum();
+            // Workers are threads of their own: what they say belongs to the job all the same.
+            job.in_scope(|| tell(catalogue, unit, &output, losses));
             progress.advance(Stage::Map, 1, losses);
+            progress.measured(meter);
             (index, output)
         })
         .collect();
@@ -126,6 +130,19 @@ pub fn map_units(
     all.mapped
         .sort_by_key(|mapped| (mapped.row.vehicle, mapped.row.channel, mapped.row.window));
     all
+}
+
+/// Says in the log what came of a unit. The vehicle is not named: logs are kept, and read by many.
+fn tell(catalogue: &Catalogue, unit: &Unit, output: &MapOutput, set_aside: u64) {
+    let log = unit.logs.first().map(|&log| &catalogue.logs[log].path);
+    tracing::debug!(
+        log = %log.map(|path| path.display().to_string()).unwrap_or_default(),
+        first_window = unit.windows.0,
+        mapped = output.mapped.len(),
+        known = output.known,
+        set_aside,
+        "unit mapped"
+    );
 }
 
 /// Windows of cameras whose pictures are needed for chunks of a unit that the store does not know.

@@ -71,6 +71,18 @@ impl Stage {
     }
 }
 
+impl Stage {
+    /// What progress counts: the steps between which a stage tells how far it is.
+    #[must_use]
+    pub fn step(self) -> &'static str {
+        match self {
+            Self::Map => "units",
+            Self::Exchange => "tables",
+            other => other.unit(),
+        }
+    }
+}
+
 #[derive(Debug, Default)]
 struct Counters {
     items: AtomicU64,
@@ -162,6 +174,18 @@ impl Meter {
             .collect()
     }
 
+    /// The stage that took most of the work so far, and its share of it; none before there was any.
+    #[must_use]
+    pub fn bottleneck(&self) -> Option<(Stage, f64)> {
+        let busy = |stage: Stage| {
+            let nanos = &self.stages[stage as usize].busy_nanos;
+            nanos.load(Ordering::Relaxed)
+        };
+        let all: u64 = Stage::ALL.into_iter().map(busy).sum();
+        let busiest = Stage::ALL.into_iter().max_by_key(|&stage| busy(stage))?;
+        (all > 0).then(|| (busiest, busy(busiest) as f64 / all as f64))
+    }
+
     /// Seconds since the job began.
     #[must_use]
     pub fn elapsed_s(&self) -> f64 {
@@ -197,4 +221,22 @@ pub struct StageReport {
     pub items_per_busy_s: f64,
     /// Megabytes (10^6) per busy second.
     pub mb_per_busy_s: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bottleneck_is_the_busiest_stage_with_its_share() {
+        let meter = Meter::default();
+        assert_eq!(meter.bottleneck(), None);
+        let busy = |busy_nanos| Count {
+            items: 1,
+            bytes: 0,
+            busy_nanos,
+        };
+        meter.add(&[busy(1), busy(2), busy(0), busy(0), busy(5)]);
+        assert_eq!(meter.bottleneck(), Some((Stage::Map, 0.625)));
+    }
 }

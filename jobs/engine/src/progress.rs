@@ -1,6 +1,6 @@
 //! How a job tells what it is doing, without knowing to whom.
 
-use crate::meter::Stage;
+use crate::meter::{Meter, Stage};
 
 /// Listens to a job's progress. Calls come from any thread.
 pub trait Progress: Sync {
@@ -10,6 +10,8 @@ pub trait Progress: Sync {
     fn advance(&self, stage: Stage, done: u64, set_aside: u64);
     /// The stage is over.
     fn end(&self, stage: Stage);
+    /// What all stages did so far; told now and then while the longest of them goes on.
+    fn measured(&self, _: &Meter) {}
 }
 
 /// Nobody listens.

@@ -149,6 +149,8 @@ pub fn run_seeing(
     progress: &dyn Progress,
 ) -> Result<RunReport, EngineError> {
     let options = options.into();
+    let job = tracing::info_span!("run", store = %location.display());
+    let _job = job.enter();
     let model = perception.map(|perception| perception.model().digest);
     let meter = Meter::default();
     let store = Store::open(location.to_path_buf())?;
@@ -157,6 +159,13 @@ pub fn run_seeing(
     let catalogue = Catalogue::open_seeing(logs, model, &meter, progress);
     let units = catalogue.units();
     let vehicles: BTreeSet<&str> = units.iter().map(|unit| unit.vehicle.as_str()).collect();
+    tracing::info!(
+        logs = catalogue.logs.len(),
+        vehicles = vehicles.len(),
+        units = units.len(),
+        onto_version = snapshot.version(),
+        "logs indexed"
+    );
     let context = MapContext {
         map: MapIndex::new(read_elements(&snapshot, tile_level)?),
         tile_level,
@@ -175,6 +184,11 @@ pub fn run_seeing(
         &meter,
         progress,
     );
+    tracing::info!(
+        chunks = mapped.mapped.len(),
+        known = mapped.known,
+        "logs mapped"
+    );
     let mut report = RunReport {
         version: snapshot.version(),
         is_new_version: false,
@@ -191,6 +205,7 @@ pub fn run_seeing(
         wall_s: 0.0,
         set_aside: sorted(catalogue.set_aside.iter().chain(&mapped.set_aside)),
     };
+    report.set_aside.iter().for_each(tell_loss);
     let folding = Folding {
         context: &context,
         options,
@@ -251,6 +266,12 @@ impl Folding<'_> {
             if map(&latest) != map(&snapshot) {
                 return Err(conflict.into());
             }
+            tracing::info!(
+                onto_version = latest.version(),
+                attempts_left = attempts,
+                reason = %conflict,
+                "another writer was faster: folding onto its version"
+            );
             snapshot = latest;
             known = snapshot.read(TileFilter::All)?;
             check_method(&known, self.options.registering.method())?;
@@ -282,6 +303,20 @@ impl Folding<'_> {
         let transaction = snapshot.store().begin_from(snapshot.clone())?;
         update.commit("run", transaction, known, revision)
     }
+}
+
+/// A loss, in the log. The report lists it too: at the level of warnings it would be said twice.
+fn tell_loss(loss: &SetAside) {
+    tracing::info!(
+        kind = loss.kind.name(),
+        file = %loss.file,
+        topic = loss.topic,
+        offset = loss.offset,
+        stamp_ns = loss.stamp_ns,
+        reason = %loss.reason,
+        count = loss.count,
+        "set aside"
+    );
 }
 
 /// Drops what another writer brought as well.

@@ -115,6 +115,7 @@ impl Update<'_> {
     ) -> Result<(i64, usize), EngineError> {
         let headers: Vec<LayerHeader> = transaction.base().read(TileFilter::All)?;
         if revision.is_empty() && !self.changes_model(transaction.base(), &headers) {
+            tracing::info!(operation, "nothing new: no version was made");
             return Ok((transaction.base().version(), 0));
         }
         let (mut chunks, mut rows, mut sightings, mut footprints) =
@@ -162,6 +163,11 @@ impl Update<'_> {
             }
         };
         self.progress.end(Stage::Exchange);
+        tracing::info!(
+            chunks = chunks.len(),
+            tiles = touched.len(),
+            "evidence exchanged"
+        );
         let base = transaction.base().clone();
         let mut at_hand = AtHand::new(&base, &leaving, sightings, footprints)?;
         match is_all {
@@ -177,8 +183,10 @@ impl Update<'_> {
         let layers = self.layers(&change, &judged, &mut at_hand, |tiles| {
             self.rows_of(&base, tiles, &touched, &rows)
         })?;
+        let folded = layers.len();
         let layers = changed(headers, layers, &tiles_of_chunks);
         let count = layers.len();
+        tracing::info!(tiles = folded, changed = count, "reduced");
         let mut parameters = self.parameters();
         parameters.extend(revision.parameters);
         self.progress.begin(Stage::Commit, count as u64);
@@ -188,6 +196,7 @@ impl Update<'_> {
         })?;
         self.meter.count(Stage::Commit, count as u64, 0);
         self.progress.end(Stage::Commit);
+        tracing::info!(operation, version, tiles = count, "committed");
         Ok((version, count))
     }
 

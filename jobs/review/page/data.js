@@ -53,6 +53,11 @@ globalThis.tilefold = (() => {
     }
   }
 
+  // Where the picture of a frame is, for as long as the page is open.
+  async function picture(version, change, place) {
+    return URL.createObjectURL(await (await fetched(`frame/${version}/${change}/${place}`)).blob());
+  }
+
   // Bytes of a tile of the map; none where nothing lies.
   async function mapTile(key) {
     if (isServed) return (await fetched(key)).arrayBuffer();
@@ -81,5 +86,5 @@ globalThis.tilefold = (() => {
     return response.json();
   }
 
-  return { isServed, give, load, explanation, mapTile, workerUrl, post };
+  return { isServed, give, load, explanation, picture, mapTile, workerUrl, post };
 })();

@@ -162,14 +162,31 @@
 
   function frames(told) {
     if (!told.frames.length) return null;
-    const items = told.frames.map((frame) => {
+    const items = told.frames.map((frame, place) => {
       const log = frame.log?.split('\n').at(-1) ?? 'a log that the store does not know';
       const name = log.split('/').at(-1);
       return el('li', {},
         el('span', { class: `number ${frame.for_change > 0 ? 'for' : 'against'}` }, nats(frame.for_change)),
-        el('span', {}, el('span', { title: log }, name), el('span', { class: 'quiet block' }, [time(frame.stamp_ns), frame.topic].filter(Boolean).join(' · ')), el('code', { class: 'block' }, `${frame.stamp_ns} ns`)));
+        el('span', {}, el('span', { title: log }, name), el('span', { class: 'quiet block' }, [time(frame.stamp_ns), frame.topic].filter(Boolean).join(' · ')), el('code', { class: 'block' }, `${frame.stamp_ns} ns`), picture(told, place)));
     });
     return el('section', {}, el('h3', {}, 'Frames to look at'), el('ul', { class: 'frames' }, ...items));
+  }
+
+  // A frame is drawn when it is asked for: that takes the server a second or more.
+  function picture(told, place) {
+    if (!state.index.has_frames) return null;
+    const button = el('button', { type: 'button', class: 'link', onclick: async () => {
+      button.disabled = true;
+      button.textContent = 'Drawing it …';
+      try {
+        const alt = 'What the camera saw: the map in blue, what was detected in yellow, changes in green, red and orange';
+        const link = await tilefold.picture(told.version, told.change, place);
+        button.replaceWith(el('a', { href: link, target: '_blank', title: 'Open it large' }, el('img', { class: 'frame', src: link, alt })));
+      } catch (error) {
+        button.replaceWith(el('span', { class: 'error block' }, error.message));
+      }
+    } }, 'Show the picture');
+    return button;
   }
 
   function models(told) {

@@ -58,6 +58,9 @@ pub enum ReviewError {
     /// A decision that makes no sense.
     #[error("this decision cannot be kept: {0}")]
     Refused(String),
+    /// A frame has no picture.
+    #[error("there is no picture of this frame: {0}")]
+    NoPicture(String),
     /// A file that cannot be read or written.
     #[error("cannot use {}: {source}; check the disk and the folder's rights", path.display())]
     File {

@@ -24,6 +24,7 @@ use crate::assets::{self, Asset, Mode};
 use crate::decision::{Decision, Decisions, Said};
 use crate::documents::Review;
 use crate::error::ReviewError;
+use crate::gallery::Gallery;
 
 /// Longest request that is read, in bytes.
 const MAX_BODY: usize = 64 * 1024;
@@ -54,14 +55,21 @@ struct Desk {
     review: Review,
     door: Door,
     decisions: Option<Mutex<Decisions>>,
+    gallery: Option<Gallery>,
 }
 
-/// Serves the page until the process ends; tells `ready` once it can be opened.
+/// Serves the page until the process ends, with pictures where there is a gallery; tells `ready` once
+/// it can be opened.
 ///
 /// # Errors
 /// The address cannot be listened on, the decisions cannot be read, or the program has no map
 /// library.
-pub fn serve(review: Review, door: Door, ready: impl FnOnce(&Served)) -> Result<(), ReviewError> {
+pub fn serve(
+    review: Review,
+    door: Door,
+    gallery: Option<Gallery>,
+    ready: impl FnOnce(&Served),
+) -> Result<(), ReviewError> {
     let library = assets::library()?;
     let decisions = door.decisions.as_deref().map(Decisions::read).transpose()?;
     let address = door.address;
@@ -69,6 +77,7 @@ pub fn serve(review: Review, door: Door, ready: impl FnOnce(&Served)) -> Result<
         review,
         door,
         decisions: decisions.map(Mutex::new),
+        gallery,
     });
     let cannot = |source| ReviewError::Listen { address, source };
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -100,6 +109,7 @@ fn router(desk: Arc<Desk>, library: &'static [Asset]) -> Router {
         .route("/data/versions/{version}", get(layer))
         .route("/data/coverage/{version}", get(coverage))
         .route("/data/explain/{version}/{change}", get(explain))
+        .route("/data/frame/{version}/{change}/{place}", get(frame))
         .route("/data/map/{key}/{zoom}/{column}/{row}", get(tile))
         .route("/data/decisions", get(decisions).post(decide));
     for asset in assets::OURS.iter().chain(library) {
@@ -180,6 +190,7 @@ fn is_ours(host: &str, names: &[String]) -> bool {
 enum Answer {
     Json(Vec<u8>),
     Tile(Vec<u8>),
+    Picture(Vec<u8>),
     Nothing,
     NotFound,
 }
@@ -189,6 +200,7 @@ impl IntoResponse for Answer {
         match self {
             Self::Json(bytes) => content("application/json", bytes),
             Self::Tile(bytes) => content("application/vnd.mapbox-vector-tile", bytes),
+            Self::Picture(bytes) => content("image/png", bytes),
             Self::Nothing => StatusCode::NO_CONTENT.into_response(),
             Self::NotFound => StatusCode::NOT_FOUND.into_response(),
         }
@@ -214,7 +226,9 @@ async fn answer(
         Ok(Ok(answer)) => answer.into_response(),
         Ok(Err(error)) => {
             let status = match error {
-                ReviewError::Refused(_) => StatusCode::UNPROCESSABLE_ENTITY,
+                ReviewError::Refused(_) | ReviewError::NoPicture(_) => {
+                    StatusCode::UNPROCESSABLE_ENTITY
+                }
                 _ => StatusCode::INTERNAL_SERVER_ERROR,
             };
             (status, error.to_string()).into_response()
@@ -227,6 +241,7 @@ async fn index(State(desk): State<Arc<Desk>>) -> Response {
     answer(desk, |desk| {
         let mut index = serde_json::to_value(desk.review.index()?)?;
         index["can_decide"] = desk.decisions.is_some().into();
+        index["has_frames"] = desk.gallery.is_some().into();
         Ok(Answer::Json(serde_json::to_vec(&index)?))
     })
     .await
@@ -256,6 +271,21 @@ async fn explain(
             Some(told) => Answer::Json(serde_json::to_vec(&told)?),
             None => Answer::NotFound,
         })
+    })
+    .await
+}
+
+async fn frame(
+    State(desk): State<Arc<Desk>>,
+    Path((version, change, place)): Path<(i64, String, usize)>,
+) -> Response {
+    answer(desk, move |desk| {
+        let Some(gallery) = &desk.gallery else {
+            return Ok(Answer::NotFound);
+        };
+        let version = desk.review.version(version)?;
+        let picture = gallery.picture(&version, &change, place)?;
+        Ok(picture.map_or(Answer::NotFound, Answer::Picture))
     })
     .await
 }

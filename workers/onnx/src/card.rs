@@ -209,7 +209,8 @@ impl Card {
             reason,
         };
         let text = std::str::from_utf8(&bytes).map_err(|error| refuse(error.to_string()))?;
-        let card: Self = toml::from_str(text).map_err(|error| refuse(error.to_string()))?;
+        let card: Self = toml::from_str(text)
+            .map_err(|error| refuse(error.to_string().trim_end().to_owned()))?;
         card.check().map_err(refuse)?;
         Ok(card)
     }

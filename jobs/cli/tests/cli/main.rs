@@ -10,5 +10,7 @@ mod explain;
 mod exports;
 mod golden;
 mod inspect;
+mod messages;
+mod operator;
 mod readers;
 mod support;
