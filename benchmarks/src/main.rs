@@ -3,21 +3,33 @@
 //! `suite` says which cities are driven through, `accuracy` runs them and keeps raw results,
 //! `perception` drives a camera through cities and scores what a network sees,
 //! `placed` writes where every frame was placed on the map,
+//! `throughput` measures whole jobs, `reading` the reading of logs beside its limits,
+//! `many_rows` makes a large store to be folded within a limit of memory,
 //! `report` makes the page of the book from raw results and says whether it is up to date.
 
 mod accuracy;
+mod many_rows;
 mod perception;
 mod placed;
+mod processor;
+mod reading;
 mod report;
 mod suite;
+mod throughput;
 
+use std::alloc::System;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 
 use suite::Seeds;
+
+/// Counts what is allocated, for `throughput`.
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 /// Measures Tilefold.
 #[derive(Debug, Parser)]
@@ -81,6 +93,34 @@ enum Command {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Runs whole jobs, each in a process of its own: stages, threads, growth over the input, another
+    /// commit's program beside this one's, allocations.
+    Throughput(throughput::Wanted),
+    /// What reading logs costs beside the bare mcap crate, the file and memory; JSON.
+    Reading {
+        /// MCAP files.
+        #[arg(required = true)]
+        logs: Vec<PathBuf>,
+        /// The best of so many turns.
+        #[arg(long, default_value_t = 5)]
+        turns: u32,
+    },
+    /// A store with many ledger rows, to fold it within `tilefold run --memory`.
+    ManyRows {
+        /// Folder of the new store.
+        folder: PathBuf,
+        /// Ledger rows, about.
+        rows: usize,
+    },
+    /// What a job and the legs of its map stage cost, counted within this process.
+    #[command(hide = true)]
+    Counted {
+        /// A store without evidence.
+        store: PathBuf,
+        /// MCAP files.
+        #[arg(required = true)]
+        logs: Vec<PathBuf>,
+    },
 }
 
 fn main() -> ExitCode {
@@ -129,5 +169,15 @@ fn run(command: &Command) -> Result<(), Box<dyn Error>> {
             out,
         }),
         Command::Placed { store, logs, out } => placed::write(store, logs, out),
+        Command::Reading { logs, turns } => reading::reading(logs, *turns),
+        Command::ManyRows { folder, rows } => many_rows::make(folder, *rows),
+        Command::Throughput(wanted) => throughput::throughput(wanted),
+        Command::Counted { store, logs } => {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+            let costs =
+                pool.install(|| throughput::costs(store, logs).map_err(|error| error.to_string()))?;
+            println!("{}", serde_json::to_string(&costs)?);
+            Ok(())
+        }
     }
 }

@@ -4,6 +4,8 @@
 mod beside;
 mod page;
 
+pub(crate) use page::table;
+
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use tilefold_city::{CityFiles, CitySpec, Site};
 use tilefold_engine::{
-    EngineError, Forget, FusionModel, InitOptions, RebaseReport, RetractReport, RunReport, Silent,
-    init, rebase, retract, run,
+    EngineError, Forget, FusionModel, InitOptions, Limit, RebaseReport, RetractReport, RunReport,
+    Silent, init, rebase, retract, run, run_within,
 };
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{ChangeRecord, ChunkRow, EvidenceRow, Footprint, LayerHeader, Sighting};
@@ -78,6 +78,14 @@ impl Trial {
     /// It fails.
     pub fn run(&self, logs: &[PathBuf]) -> RunReport {
         run(&self.store, logs, FusionModel::default(), &Silent).unwrap()
+    }
+
+    /// As [`Trial::run`], with this fusion model and within a limit of memory.
+    ///
+    /// # Panics
+    /// It fails.
+    pub fn run_within(&self, logs: &[PathBuf], model: FusionModel, limit: &Limit) -> RunReport {
+        run_within(&self.store, logs, model, None, limit, &Silent).unwrap()
     }
 
     /// Where the store is.

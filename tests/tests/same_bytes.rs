@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 
 use mcap::{Compression, WriteOptions};
 use tempfile::tempdir;
+use tilefold_engine::{FusionModel, Limit, RunReport, Silent, run};
 use tilefold_tests::logs::{copies, rewrite};
 use tilefold_tests::trial::{Content, Trial, content_of, real_data, small_city};
 
@@ -102,6 +103,51 @@ fn any_number_of_threads() {
             let content = with_threads(threads, || content_of(&case.map, &case.logs));
             assert_eq!(content, case.expected, "{} on {threads} threads", case.name);
         }
+    }
+}
+
+#[test]
+fn any_limit_of_memory() {
+    for case in &*CASES {
+        for bytes in [1, 100_000, 1 << 40] {
+            let limit = limit(bytes);
+            let trial = Trial::new(&case.map);
+            let report = trial.run_within(&case.logs, FusionModel::default(), &limit);
+            case.check(&format!("within {bytes} bytes"), &trial);
+            assert_eq!(report.spilled_bytes > 0, bytes < 1 << 40, "{}", case.name);
+            let other = Trial::new(&case.map).run(&case.logs);
+            let said = |report: &RunReport| {
+                let counts = (report.chunks_mapped, report.tiles_reduced);
+                (counts, report.set_aside.clone(), report.mountings.clone())
+            };
+            assert_eq!(said(&report), said(&other), "{}", case.name);
+        }
+        let (first, second) = case.logs.split_at(case.logs.len() / 2);
+        let trial = Trial::new(&case.map);
+        trial.run(first);
+        trial.run_within(second, FusionModel::default(), &limit(1));
+        case.check("the second half within a limit", &trial);
+    }
+}
+
+#[test]
+fn all_tiles_folded_anew_within_a_limit_of_memory() {
+    for case in &*CASES {
+        let [plain, limited] = [(); 2].map(|()| Trial::new(&case.map));
+        plain.run(&case.logs);
+        run(plain.store(), &[], FusionModel::Paper, &Silent).unwrap();
+        limited.run(&case.logs);
+        let report = limited.run_within(&[], FusionModel::Paper, &limit(1));
+        assert!(report.is_new_version && report.tiles_reduced > 0);
+        assert_eq!(limited.content(), plain.content(), "{}", case.name);
+        assert_ne!(limited.content(), case.expected, "{}", case.name);
+    }
+}
+
+fn limit(bytes: u64) -> Limit {
+    Limit {
+        bytes,
+        folder: std::env::temp_dir(),
     }
 }
 

@@ -46,7 +46,7 @@ pub(super) fn page(results: &[Raw]) -> String {
 }
 
 /// A Markdown table.
-pub(super) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let owned: Vec<String> = header.iter().map(|cell| (*cell).to_owned()).collect();
     let rules = vec!["---".to_owned(); header.len()];

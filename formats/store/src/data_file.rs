@@ -31,6 +31,10 @@ const COARSE_LEVELS: u32 = 4;
 /// Written into each file in place of the library's version, which must not change the bytes.
 const CREATED_BY: &str = "tilefold";
 
+/// Units of columns in which hardly a value comes twice: sums, times, places, angles. A dictionary
+/// of them makes the file larger; see docs/results/throughput.md.
+const VARIED: [&str; 4] = ["_fx", "_ns", "_e9", "_urad"];
+
 /// Columns of numbers whose smallest and largest values other readers may skip by; `bbox` is another.
 pub(crate) const STATISTICS: &[&str] = &[TILE, "xmin", "ymin", "xmax", "ymax"];
 
@@ -133,7 +137,12 @@ fn to_parquet(layout: &Layout, rows: &RecordBatch) -> Result<Bytes, ParquetError
 
 fn properties(layout: &Layout) -> Result<WriterProperties, ParquetError> {
     let geo = geo::metadata(layout.geometry).map(|entry| vec![entry]);
-    Ok(WriterProperties::builder()
+    let fields = layout.schema.fields().iter();
+    let varied = fields.filter(|field| VARIED.iter().any(|unit| field.name().ends_with(unit)));
+    let builder = varied.fold(WriterProperties::builder(), |builder, field| {
+        builder.set_column_dictionary_enabled(field.name().as_str().into(), false)
+    });
+    Ok(builder
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(1)?))
         .set_dictionary_enabled(true)
         .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
@@ -161,6 +170,42 @@ pub(crate) fn decode(
         ));
     }
     Ok(rows)
+}
+
+/// As [`decode`], a row group at a time.
+pub(crate) fn decode_in_parts(
+    layout: &Layout,
+    file: &DataFile,
+    place: &str,
+    bytes: Bytes,
+    mut take: impl FnMut(RecordBatch) -> Result<(), StoreError>,
+) -> Result<(), StoreError> {
+    check(file, place, &bytes)?;
+    let damaged = |error: String| StoreError::damaged(place, error);
+    let reader = ParquetRecordBatchReaderBuilder::try_new(bytes)
+        .and_then(|builder| builder.with_batch_size(ROW_GROUP_ROWS).build())
+        .map_err(|error| damaged(error.to_string()))?;
+    let mut rows = 0;
+    for batch in reader {
+        let batch = batch.map_err(|error| damaged(error.to_string()))?;
+        let outside = tile_range(layout, &batch).filter(|&(first, last)| {
+            file.tiles
+                .is_none_or(|(low, high)| first < low || last > high)
+        });
+        if outside.is_some() {
+            return Err(damaged(
+                "its tiles are not those that the table's log names".to_owned(),
+            ));
+        }
+        rows += count(batch.num_rows());
+        take(batch)?;
+    }
+    match rows == file.rows {
+        true => Ok(()),
+        false => Err(damaged(
+            "its rows are not those that the table's log names".to_owned(),
+        )),
+    }
 }
 
 fn check(file: &DataFile, place: &str, bytes: &Bytes) -> Result<(), StoreError> {

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_select::filter::filter_record_batch;
+use bytes::Bytes;
 use rayon::prelude::*;
 use tilefold_schemas::TileId;
 
@@ -135,6 +136,37 @@ impl Snapshot {
         })
     }
 
+    /// Hands over rows as [`Snapshot::read`] does, but some at a time: of a file that alone holds its
+    /// tiles no more than a row group is decoded at once.
+    ///
+    /// # Errors
+    /// As for [`Snapshot::read`]. Rows that came before the damage were handed over.
+    pub fn each<R: StoredTable>(
+        &self,
+        filter: TileFilter<'_>,
+        mut take: impl FnMut(Vec<R>),
+    ) -> Result<(), StoreError> {
+        let layout = Layout::of::<R>();
+        for group in groups(self.files::<R>(filter)?) {
+            let mut hand_over = |batch: &RecordBatch| {
+                let batch = filtered(batch, filter, &layout)?;
+                let rows = R::from_batch(&batch);
+                take(rows.map_err(|source| self.wrong_column(&layout, &group, source))?);
+                Ok(())
+            };
+            match group.as_slice() {
+                [file] => {
+                    let (place, bytes) = self.bytes(&layout, file)?;
+                    data_file::decode_in_parts(&layout, file, &place, bytes, |rows| {
+                        hand_over(&order::normal_form(&layout, &rows)?)
+                    })?;
+                }
+                several => hand_over(&self.read_group(&layout, several)?)?,
+            }
+        }
+        Ok(())
+    }
+
     /// The data files of a table that may hold rows for the filter, in the order of their tiles.
     ///
     /// # Errors
@@ -226,14 +258,20 @@ impl Snapshot {
         layout: &Layout,
         file: &DataFile,
     ) -> Result<RecordBatch, StoreError> {
+        let (place, bytes) = self.bytes(layout, file)?;
+        let rows = data_file::decode(layout, file, &place, bytes)?;
+        order::normal_form(layout, &rows)
+    }
+
+    /// What a data file is called in errors, and its bytes.
+    fn bytes(&self, layout: &Layout, file: &DataFile) -> Result<(String, Bytes), StoreError> {
         let path = format!("{}/{}", layout.name, file.name);
         let place = self.store.place();
         let described = place.describe(&path);
-        let bytes = place
-            .read_file(&path)?
-            .ok_or_else(|| StoreError::damaged(&described, "it is missing"))?;
-        let rows = data_file::decode(layout, file, &described, bytes)?;
-        order::normal_form(layout, &rows)
+        match place.read_file(&path)? {
+            Some(bytes) => Ok((described, bytes)),
+            None => Err(StoreError::damaged(&described, "it is missing")),
+        }
     }
 
     fn read_group(&self, layout: &Layout, group: &[DataFile]) -> Result<RecordBatch, StoreError> {

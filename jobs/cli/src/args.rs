@@ -252,6 +252,10 @@ pub(crate) enum Command {
         /// worth; a store holds evidence of one kind only.
         #[arg(long, value_enum, default_value_t)]
         registration: Switch,
+        /// How much memory the job may take, like 2GB: what does not fit waits on disk, in the folder
+        /// TMPDIR. The result is the same.
+        #[arg(long, value_name = "SIZE", value_parser = size)]
+        memory: Option<u64>,
         /// Shows what would be done, and does nothing.
         #[arg(long)]
         plan: bool,
@@ -260,6 +264,9 @@ pub(crate) enum Command {
         #[arg(long, value_name = "FILE", conflicts_with = "plan")]
         metrics: Option<PathBuf>,
     },
+    /// How fast this machine is: runs a job in a temporary folder and prints its stages, with their
+    /// rates in a second of one thread's work.
+    Bench(Bench),
     /// Looks at pictures: what a network sees in a picture, a folder of pictures or a log.
     Detect(Detection),
     /// Says what is there of what Tilefold needs, and how to get what is not.
@@ -490,6 +497,20 @@ pub(crate) struct Detection {
     /// ONNX Runtime.
     #[command(flatten)]
     pub runtime: Runtime,
+}
+
+/// What `bench` runs on.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Bench {
+    /// MCAP files, or folders of them, instead of drives through a city of its own.
+    #[arg(requires = "map")]
+    pub logs: Vec<PathBuf>,
+    /// Map files that go with the logs.
+    #[arg(long, num_args = 1.., requires = "logs")]
+    pub map: Vec<PathBuf>,
+    /// Drives through a city of its own, 2 km each.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "map")]
+    pub drives: u32,
 }
 
 /// What `retract` takes out.
@@ -743,6 +764,29 @@ fn time(text: &str) -> Result<i64, String> {
         .map_err(|_| "no time; give one like 2026-03-15T00:00:00Z".to_owned())?;
     time.timestamp_nanos_opt()
         .ok_or_else(|| "a year between 1678 and 2262 is needed".to_owned())
+}
+
+/// Bytes: a number with kB, MB, GB (powers of 1000) or KiB, MiB, GiB (powers of 1024).
+fn size(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|letter: char| letter.is_ascii_alphabetic());
+    let factor = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" | "k" => 1e3,
+        "mb" | "m" => 1e6,
+        "gb" | "g" => 1e9,
+        "kib" => 1024.0,
+        "mib" => 1024.0 * 1024.0,
+        "gib" => 1024.0 * 1024.0 * 1024.0,
+        unit => {
+            return Err(format!(
+                "there is no unit {unit}; give a size like 2GB or 512MiB"
+            ));
+        }
+    };
+    match digits.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok((number * factor) as u64),
+        _ => Err("give a size like 2GB or 512MiB".to_owned()),
+    }
 }
 
 fn salt(text: &str) -> Result<Salt, String> {

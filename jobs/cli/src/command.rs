@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tilefold_engine::evaluate::{Drives, Options, Refold, Subject, matching, overview, plots};
 use tilefold_engine::{
-    Criteria, Evaluation, FusionModel, InitOptions, InitReport, Meter, Perception, RunOptions,
-    evaluate, init, plan, run_seeing,
+    Criteria, Evaluation, FusionModel, InitOptions, InitReport, Limit, Meter, Perception, Progress,
+    RunOptions, RunReport, evaluate, init, plan, run_seeing, run_within,
 };
 use tilefold_formats::geojson::read_changes_file;
 use tilefold_formats::matching_truth::MatchingTruth;
@@ -19,8 +19,8 @@ use crate::at::{At, open};
 use crate::metrics::Metrics;
 use crate::report::{Outcome, print, print_set_aside, to_stdout};
 use crate::{
-    calibration, compare, demo, detect, evaluation, explanation, export, inspect, manual, progress,
-    rebase, reference, regions, retract, review, simulate, table, vacuum,
+    bench, calibration, compare, demo, detect, evaluation, explanation, export, inspect, manual,
+    progress, rebase, reference, regions, retract, review, simulate, table, vacuum,
 };
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -73,6 +73,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
             detector,
             runtime,
             metrics,
+            memory,
             ..
         } => {
             let perception = perception(detector.as_deref(), runtime)?;
@@ -81,15 +82,16 @@ pub(crate) fn dispatch(args: &Args) -> Result<Outcome> {
                 registering: (*registration).into(),
                 as_of_ns: *as_of,
             };
-            run_logs(
-                args,
+            let job = Job {
                 store,
                 logs,
                 options,
-                perception.as_ref(),
-                metrics.as_deref(),
-            )
+                perception: perception.as_ref(),
+                memory: *memory,
+            };
+            run_logs(args, &job, metrics.as_deref())
         }
+        Command::Bench(wanted) => bench::bench(args, wanted),
         Command::Detect(asked) => detect::detect_in(args, asked),
         Command::Doctor { cards, runtime } => detect::doctor(args, runtime, cards),
         Command::Calibrate { store } => calibration::calibrate_store(args, store),
@@ -220,27 +222,45 @@ fn plan_logs(
     Ok(Outcome::with(&plan.set_aside))
 }
 
-fn run_logs(
-    args: &Args,
-    store: &Path,
-    logs: &[PathBuf],
+/// What `run` is asked for.
+struct Job<'a> {
+    store: &'a Path,
+    logs: &'a [PathBuf],
     options: RunOptions,
-    perception: Option<&Perception>,
-    metrics: Option<&Path>,
-) -> Result<Outcome> {
+    perception: Option<&'a Perception>,
+    /// Bytes of memory that it may take.
+    memory: Option<u64>,
+}
+
+impl Job<'_> {
+    fn run(&self, progress: &dyn Progress) -> Result<RunReport> {
+        let (store, logs, options, perception) =
+            (self.store, self.logs, self.options, self.perception);
+        Ok(match self.memory {
+            None => run_seeing(store, logs, options, perception, progress)?,
+            Some(bytes) => {
+                let folder = std::env::temp_dir();
+                let limit = Limit { bytes, folder };
+                run_within(store, logs, options, perception, &limit, progress)?
+            }
+        })
+    }
+}
+
+fn run_logs(args: &Args, job: &Job<'_>, metrics: Option<&Path>) -> Result<Outcome> {
     let progress = progress::listener(args.progress);
     let report = match metrics {
-        None => run_seeing(store, logs, options, perception, progress.as_ref())?,
+        None => job.run(progress.as_ref())?,
         Some(file) => {
             let metrics = Metrics::begin(file, progress)?;
-            let report = run_seeing(store, logs, options, perception, &metrics);
+            let report = job.run(&metrics);
             metrics.end(report.as_ref().ok())?;
             report?
         }
     };
     print(args, &report, table::run)?;
     print_set_aside(&report.set_aside);
-    if report.logs == 0 && !logs.is_empty() {
+    if report.logs == 0 && !job.logs.is_empty() {
         tell!(
             "no log could be read: give MCAP files, or folders that they lie in; nothing was done"
         );

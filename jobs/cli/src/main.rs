@@ -5,6 +5,7 @@ mod report;
 
 mod args;
 mod at;
+mod bench;
 mod calibration;
 mod command;
 mod compare;

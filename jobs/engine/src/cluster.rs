@@ -15,6 +15,7 @@ mod driver;
 mod guard;
 mod map;
 mod reduce;
+mod spill;
 mod wire;
 mod worker;
 
@@ -32,6 +33,7 @@ use crate::run::RunOptions;
 pub use driver::Driver;
 pub use map::{Manifest, MapPartial, Part};
 pub use reduce::{Reduced, Reduction};
+pub(crate) use spill::Spill;
 pub use worker::Worker;
 
 /// What every task of a job must know.

@@ -104,6 +104,14 @@ pub enum EngineError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// What does not fit into memory has no place on disk.
+    #[error("cannot keep intermediate results in {}: {source}; make room there, name another folder with TMPDIR, or allow more --memory", folder.display())]
+    Spill {
+        /// The folder.
+        folder: std::path::PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// What came back from a cluster is not what was asked of it.
     #[error(
         "the cluster's work does not add up: {0}; nothing was committed: run the same command again"

@@ -32,9 +32,11 @@ pub mod retract;
 pub mod run;
 mod same_place;
 pub mod scope;
+mod split;
 mod succession;
 mod update;
 pub mod verify;
+mod within;
 
 pub use accepted::Accepted;
 pub use calibrate::{Calibration, calibrate};
@@ -53,3 +55,4 @@ pub use tilefold_reducers::FusionModel;
 pub use tilefold_reducers::regions::regions;
 pub use tilefold_workers::Registering;
 pub use verify::{Verification, verify};
+pub use within::{Limit, run_within};

@@ -259,6 +259,21 @@ impl Unit {
         unit
     }
 
+    /// About how many messages it is made from, its context left out: its logs' messages, as if they
+    /// were spread evenly over each log. For the order of work only.
+    pub(crate) fn size(&self, catalogue: &Catalogue) -> u64 {
+        let (from_ns, to_ns) = self.windows;
+        let (from_ns, to_ns) = (window_bounds_ns(from_ns).0, window_bounds_ns(to_ns).0);
+        let of_log = |&log: &usize| {
+            let log = &catalogue.logs[log];
+            let shared_ns = to_ns.min(log.end_ns) as f64 - from_ns.max(log.start_ns) as f64;
+            let whole_ns = (log.end_ns as f64 - log.start_ns as f64).max(1.0);
+            let share = (shared_ns / whole_ns).clamp(0.0, 1.0);
+            (share * log.message_count() as f64) as u64
+        };
+        self.logs.iter().map(of_log).sum()
+    }
+
     /// Log times to read: the block, its context, and the slack between clocks.
     fn read_range_ns(&self) -> (i64, i64) {
         let slack_ns = CONTEXT_NS + MAX_CLOCK_GAP_NS;

@@ -1,5 +1,6 @@
 //! The map stage of a job: units on rayon, each read once and cut into chunks.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
@@ -98,24 +99,29 @@ pub fn map_units(
     });
     progress.begin(Stage::Map, units.len() as u64);
     let job = tracing::Span::current();
-    let outputs: Vec<MapOutput> = units
-        .par_iter()
-        .map(|unit| {
+    // Whoever is idle takes the largest that is left.
+    let mut order: Vec<(usize, &Unit)> = units.iter().enumerate().collect();
+    order.sort_by_key(|&(index, unit)| (Reverse(unit.size(catalogue)), index));
+    let mut outputs: Vec<(usize, MapOutput)> = order
+        .into_iter()
+        .par_bridge()
+        .map(|(index, unit)| {
             let output = map_unit(&sights, catalogue, unit, known, salt, context, meter);
             let losses = output.set_aside.iter().map(|loss| loss.count).sum();
             // Workers are threads of their own: what they say belongs to the job all the same.
             job.in_scope(|| tell(catalogue, unit, &output, losses));
             progress.advance(Stage::Map, 1, losses);
             progress.measured(meter);
-            output
+            (index, output)
         })
         .collect();
     progress.end(Stage::Map);
+    outputs.sort_by_key(|(index, _)| *index);
     let mut all = MapOutput {
         set_aside: sights.set_aside,
         ..MapOutput::default()
     };
-    for output in outputs {
+    for (_, output) in outputs {
         all.mapped.extend(output.mapped);
         all.known += output.known;
         all.duplicates += output.duplicates;

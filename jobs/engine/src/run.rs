@@ -53,6 +53,8 @@ pub struct RunReport {
     pub done_without: Vec<Without>,
     /// How cameras are mounted, by log and topic, where detections are in pixels.
     pub mountings: Vec<MountingNote>,
+    /// Bytes that waited on disk, because of a limit of memory.
+    pub spilled_bytes: u64,
     /// Seconds from start to commit.
     pub wall_s: f64,
     /// What was set aside.
@@ -199,6 +201,7 @@ pub fn run_seeing(
         stages: Vec::new(),
         done_without: notes::done_without(&mapped.mapped),
         mountings: notes::mountings(&mapped.mapped),
+        spilled_bytes: 0,
         wall_s: 0.0,
         set_aside: sorted(catalogue.set_aside.iter().chain(&mapped.set_aside)),
     };

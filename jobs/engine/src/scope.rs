@@ -8,10 +8,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rayon::prelude::*;
 use tilefold_reducers::groups::{Extent, Groups, grown};
 use tilefold_reducers::moved::{self, Gone};
-use tilefold_reducers::{TileInput, area_candidates, candidates, reduce_tile};
+use tilefold_reducers::{area_candidates, candidates};
 use tilefold_schemas::{
     ChangeRecord, ElementKind, EvidenceRow, Footprint, LayerHeader, Ledger, Sighting, TileId,
     Verdict, wkb,
@@ -22,6 +21,7 @@ use tilefold_tiler::tile::{self, Bounds};
 use crate::error::EngineError;
 use crate::meter::Stage;
 use crate::reduce_job::{Judged, Reduce};
+use crate::split;
 
 /// A candidate, and whatever mapped line it is weighed against, lies within this of a sighting that it
 /// is made from, in metres: it is followed over gaps of 12 m.
@@ -355,12 +355,11 @@ where
             .flatten()
             .map(|mapped| (key(mapped), Vec::new()));
         self.records.extend(keys);
-        let judged = wanted.into_par_iter().map(|(tile, elements)| {
-            let rows = self.rows.get(&tile).into_iter().flatten().collect();
-            let input = TileInput { elements, rows };
-            meter.time(Stage::Reduce, || reduce_tile(&input, fold))
+        let pieces = wanted.into_iter().flat_map(|(tile, elements)| {
+            let rows = self.rows.get(&tile).map_or(&[][..], Vec::as_slice);
+            split::pieces(elements, rows)
         });
-        for record in judged.collect::<Vec<_>>().into_iter().flatten() {
+        for record in split::judge(pieces.collect(), fold, meter) {
             self.keep(record);
         }
         Ok(())

@@ -88,6 +88,7 @@ impl Driver {
             stages: self.meter.report(),
             done_without: self.done_without(),
             mountings: self.mountings(),
+            spilled_bytes: 0,
             wall_s: self.meter.elapsed_s(),
             set_aside: sorted(all.into_iter()),
         }

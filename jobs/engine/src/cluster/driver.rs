@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tilefold_reducers::Fold;
 use tilefold_schemas::layer::ElementRow;
@@ -9,7 +10,7 @@ use tilefold_schemas::table::Table;
 use tilefold_schemas::{ChunkId, ChunkRow, LayerHeader, SetAside, TileId};
 use tilefold_store::{Snapshot, Store, TileFilter};
 use tilefold_tiler::map_index::MapIndex;
-use tilefold_workers::Registering;
+use tilefold_workers::{MapContext, Registering};
 
 use super::reduce::{Chunk, chunk};
 use super::{Job, Manifest, Reduction, Task, group_of, guard, worker};
@@ -30,8 +31,7 @@ pub struct Driver {
     pub(super) set_aside: Vec<SetAside>,
     pub(super) base: Snapshot,
     pub(super) known: Vec<ChunkRow>,
-    pub(super) map: MapIndex,
-    pub(super) tile_level: u32,
+    pub(super) context: Arc<MapContext>,
     pub(super) meter: Meter,
     pub(super) manifests: Vec<Manifest>,
     /// Chunks that were mapped, and that count.
@@ -57,6 +57,19 @@ impl Driver {
         (tasks, groups): (usize, u32),
         progress: &dyn Progress,
     ) -> Result<Self, EngineError> {
+        let size = |units: usize| units.div_ceil(tasks.max(1));
+        Self::plan_in(location, logs, options, detector, (&size, groups), progress)
+    }
+
+    /// As [`Driver::plan`]; `size` says how many units a task has at most, of how many there are.
+    pub(crate) fn plan_in(
+        location: &Path,
+        logs: &[PathBuf],
+        options: RunOptions,
+        detector: Option<i64>,
+        (size, groups): (&dyn Fn(usize) -> usize, u32),
+        progress: &dyn Progress,
+    ) -> Result<Self, EngineError> {
         let meter = Meter::default();
         let store = Store::open(location.to_path_buf())?;
         let base = store.snapshot(None)?;
@@ -76,14 +89,17 @@ impl Driver {
                 detector,
                 groups: groups.max(1),
             },
-            tasks: cut(&catalogue, &units, units.len().div_ceil(tasks.max(1))),
+            tasks: cut(&catalogue, &units, size(units.len())),
             logs: catalogue.logs.len(),
             vehicles: vehicles.len(),
-            map: MapIndex::new(read_elements(&base, tile_level)?),
+            context: Arc::new(MapContext {
+                map: MapIndex::new(read_elements(&base, tile_level)?),
+                tile_level,
+                registering: options.registering,
+            }),
             set_aside: catalogue.set_aside,
             base,
             known,
-            tile_level,
             meter,
             manifests: Vec::new(),
             mapped: Vec::new(),
@@ -156,7 +172,7 @@ impl Driver {
         let update = self.update(&fold, &Silent);
         let mut judged = touched.clone();
         if update.changes_model(&self.base, &headers) {
-            judged.extend(self.map.elements().iter().map(|mapped| mapped.tile));
+            judged.extend(self.context.map.elements().iter().map(|mapped| mapped.tile));
             judged.extend(headers.iter().map(|header| TileId(header.tile)));
         }
         Ok(judged)
@@ -201,8 +217,8 @@ impl Driver {
 
     pub(super) fn update<'a>(&'a self, fold: &'a Fold, progress: &'a dyn Progress) -> Update<'a> {
         Update {
-            map: &self.map,
-            tile_level: self.tile_level,
+            map: &self.context.map,
+            tile_level: self.context.tile_level,
             fold,
             meter: &self.meter,
             progress,

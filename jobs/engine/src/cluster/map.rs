@@ -14,6 +14,7 @@ use crate::logs::{Catalogue, Unit};
 use crate::map_job::{MapOutput, map_units};
 use crate::meter::{Count, Meter};
 use crate::notes::{self, MountingNote, Without};
+use crate::perceive::Perception;
 use crate::progress::Silent;
 
 /// What a map task says of its work; small, for the driver.
@@ -68,12 +69,21 @@ impl Worker {
     /// # Errors
     /// The logs are not those that were planned with, or another version of the map.
     pub fn map(&self, task: &Task) -> Result<MapPartial, EngineError> {
+        self.map_seeing(self.perception.as_ref(), task)
+    }
+
+    /// As [`Worker::map`]; `perception` looks at pictures.
+    pub(crate) fn map_seeing(
+        &self,
+        perception: Option<&Perception>,
+        task: &Task,
+    ) -> Result<MapPartial, EngineError> {
         let catalogue = self.catalogue(task)?;
         let units = units(&catalogue, task)?;
         // The logs were indexed, and counted, when the job was planned.
         let meter = Meter::default();
         let mapped = map_units(
-            self.perception.as_ref(),
+            perception,
             &catalogue,
             &units,
             &self.known,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use tilefold_reducers::{Fold, TileInput, reduce_tile};
+use tilefold_reducers::Fold;
 use tilefold_schemas::{
     ChangeRecord, ChunkId, EvidenceRow, Footprint, Ledger, Sighting, Testified, TileId, VehicleKey,
 };
@@ -18,10 +18,14 @@ use crate::error::EngineError;
 use crate::meter::{Count, Meter, Stage};
 use crate::progress::Silent;
 use crate::reduce_job::Sum;
+use crate::split;
 use crate::update::{Exchange, Update};
 
 /// Of each tile the digest of its rows, and when the last of them was seen.
 type Sums = BTreeMap<i32, (String, Option<i64>)>;
+
+/// Rows of tiles that stay as they are, as many of which are judged at once.
+const ROWS_AT_ONCE: usize = 256 * 1024;
 
 /// A chunk: vehicle, channel, window.
 pub(super) type Chunk = (i64, i64, i64);
@@ -132,9 +136,13 @@ impl Worker {
         let rows = update.exchange(&mut transaction, &exchange, came.evidence, Some)?;
         update.exchange(&mut transaction, &exchange, came.sightings.clone(), Some)?;
         update.exchange(&mut transaction, &exchange, came.footprints.clone(), Some)?;
-        let mut by_tile = by_tile(rows, &fold, &touched);
-        by_tile.extend(stored(&base, &fold, &judged, &touched)?);
-        let (sums, records) = self.judge(by_tile, &fold, &meter);
+        let (mut sums, mut records) = self.judge(by_tile(rows, &fold, &touched), &fold, &meter);
+        let others = judged.difference(&touched).copied().collect();
+        self.judge_stored(&base, &others, &fold, |tiles| {
+            let (more_sums, more_records) = self.judge(tiles, &fold, &meter);
+            sums.extend(more_sums);
+            records.extend(more_records);
+        })?;
         Ok(Reduced {
             reduction: reduction.clone(),
             rows: came.counts,
@@ -151,6 +159,30 @@ impl Worker {
         })
     }
 
+    /// Hands the rows of tiles that are judged, but stay as they are, to `judge`: some tiles at a time,
+    /// so that no more than these are in memory.
+    fn judge_stored(
+        &self,
+        base: &Snapshot,
+        tiles: &BTreeSet<TileId>,
+        fold: &Fold,
+        mut judge: impl FnMut(BTreeMap<TileId, Vec<EvidenceRow>>),
+    ) -> Result<(), EngineError> {
+        if tiles.is_empty() {
+            return Ok(());
+        }
+        let mut waiting = Waiting::of(tiles);
+        base.each(TileFilter::Tiles(tiles), |rows: Vec<EvidenceRow>| {
+            let counting = rows.into_iter().filter(|row| fold.counts(row.first_ns));
+            counting.for_each(|row| waiting.add(row));
+            if waiting.count > ROWS_AT_ONCE {
+                judge(waiting.whole());
+            }
+        })?;
+        judge(waiting.by_tile);
+        Ok(())
+    }
+
     fn judge(
         &self,
         by_tile: BTreeMap<TileId, Vec<EvidenceRow>>,
@@ -163,21 +195,15 @@ impl Worker {
                 elements.entry(mapped.tile).or_default().push(mapped);
             }
         }
-        let judged: Vec<_> = by_tile
-            .into_par_iter()
-            .map(|(tile, rows)| {
-                let input = TileInput {
-                    elements: elements.get(&tile).cloned().unwrap_or_default(),
-                    rows: rows.iter().collect(),
-                };
-                let records = meter.time(Stage::Reduce, || reduce_tile(&input, fold));
-                let sum = Sum::of(rows);
-                ((tile.0, (sum.digest, sum.last_ns)), records)
-            })
-            .collect();
-        let (sums, records): (Vec<_>, Vec<_>) = judged.into_iter().unzip();
-        let records = records.into_iter().flatten().collect();
-        (sums.into_iter().collect(), records)
+        let pieces = by_tile.iter().flat_map(|(tile, rows)| {
+            split::pieces(elements.remove(tile).unwrap_or_default(), rows)
+        });
+        let records = split::judge(pieces.collect(), fold, meter);
+        let sums = by_tile.into_par_iter().map(|(tile, rows)| {
+            let sum = meter.time(Stage::Reduce, || Sum::of(rows));
+            (tile.0, (sum.digest, sum.last_ns))
+        });
+        (sums.collect(), records)
     }
 }
 
@@ -196,19 +222,40 @@ fn by_tile(
     by_tile
 }
 
-/// The same of tiles that are judged, but stay as they are.
-fn stored(
-    base: &Snapshot,
-    fold: &Fold,
-    judged: &BTreeSet<TileId>,
-    touched: &BTreeSet<TileId>,
-) -> Result<BTreeMap<TileId, Vec<EvidenceRow>>, EngineError> {
-    let others: BTreeSet<TileId> = judged.difference(touched).copied().collect();
-    if others.is_empty() {
-        return Ok(BTreeMap::new());
+/// Rows of the store, in the order of their tiles, until enough of them are there.
+struct Waiting {
+    by_tile: BTreeMap<TileId, Vec<EvidenceRow>>,
+    /// The tile of the row that came last: more of it may come.
+    last: Option<TileId>,
+    count: usize,
+}
+
+impl Waiting {
+    /// None yet, of these tiles.
+    fn of(tiles: &BTreeSet<TileId>) -> Self {
+        Self {
+            by_tile: tiles.iter().map(|&tile| (tile, Vec::new())).collect(),
+            last: None,
+            count: 0,
+        }
     }
-    let rows = Ledger::of(base.read(TileFilter::Tiles(&others))?);
-    Ok(by_tile(rows, fold, &others))
+
+    fn add(&mut self, row: EvidenceRow) {
+        let tile = TileId(row.tile);
+        self.last = Some(tile);
+        self.count += 1;
+        self.by_tile.entry(tile).or_default().push(row);
+    }
+
+    /// The tiles before the last: all of their rows have come.
+    fn whole(&mut self) -> BTreeMap<TileId, Vec<EvidenceRow>> {
+        let Some(last) = self.last else {
+            return BTreeMap::new();
+        };
+        let rest = self.by_tile.split_off(&last);
+        self.count = rest.get(&last).map_or(0, Vec::len);
+        std::mem::replace(&mut self.by_tile, rest)
+    }
 }
 
 /// The rows of parts.

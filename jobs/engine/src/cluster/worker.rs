@@ -1,6 +1,7 @@
 //! A machine's side of a job: what is read once for all tasks that run there.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use tilefold_reducers::Fold;
 use tilefold_schemas::{ChunkRow, TileId};
@@ -8,7 +9,7 @@ use tilefold_store::{Snapshot, Store, TileFilter};
 use tilefold_tiler::map_index::MapIndex;
 use tilefold_workers::MapContext;
 
-use super::{Job, check_detector};
+use super::{Driver, Job, check_detector};
 use crate::calibrate;
 use crate::error::EngineError;
 use crate::map_job::KnownChunks;
@@ -20,7 +21,7 @@ use crate::update::read_elements;
 pub struct Worker {
     pub(super) job: Job,
     pub(super) snapshot: Snapshot,
-    pub(super) context: MapContext,
+    pub(super) context: Arc<MapContext>,
     pub(super) known: KnownChunks,
     pub(super) perception: Option<Perception>,
 }
@@ -38,16 +39,27 @@ impl Worker {
         let tile_level = u32::from(store.properties().tile_level);
         let rows: Vec<ChunkRow> = snapshot.read(TileFilter::All)?;
         Ok(Self {
-            context: MapContext {
+            context: Arc::new(MapContext {
                 map: MapIndex::new(read_elements(&snapshot, tile_level)?),
                 tile_level,
                 registering: options.registering,
-            },
+            }),
             known: known_chunks(&rows),
             job,
             snapshot,
             perception,
         })
+    }
+
+    /// A worker in the driver's process, which shares what that has read.
+    pub(crate) fn beside(driver: &Driver) -> Self {
+        Self {
+            job: driver.job.clone(),
+            snapshot: driver.base.clone(),
+            context: driver.context.clone(),
+            known: known_chunks(&driver.known),
+            perception: None,
+        }
     }
 
     /// How a version is folded by this job.
