@@ -19,7 +19,7 @@ pub(crate) fn bench(args: &Args, wanted: &Bench) -> Result<Outcome, Box<dyn Erro
         false => (wanted.map.clone(), wanted.logs.clone()),
         true => {
             let drives = wanted.drives;
-            eprintln!("making a city, and {drives} drives of 2 km through it");
+            tell!("making a city, and {drives} drives of 2 km through it");
             let city = tilefold_city::write(&city(drives), &folder.path().join("city"))?;
             (vec![city.before_map], city.logs)
         }
