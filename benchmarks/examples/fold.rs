@@ -26,9 +26,9 @@ const KEYS: [&str; 2] = ["element", "section"];
 const SUMS: [&str; 5] = [
     "exposed",
     "hit",
-    "sum_v_fx",
-    "residual_eta_fx",
-    "residual_lambda_fx",
+    "sum_v_q10",
+    "residual_eta_q10",
+    "residual_lambda_q10",
 ];
 const BATCH_ROWS: usize = 8192;
 

@@ -8,7 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::path::Path;
 
-use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
+use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION, WINDOW_NS, to_window_ms};
+use tilefold_schemas::fixed::ONE_Q10;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
     Color, Element, ElementId, ElementKind, EvidenceRow, Marking, SignClass, TileId, wkb,
@@ -23,8 +24,6 @@ const SIDE: usize = 500;
 const APART_M: f64 = 200.0;
 const LINE_M: f64 = 40.0;
 const SECTIONS: i32 = 4;
-/// 1 in a sum, and a second.
-const ONE_FX: i64 = 1 << 24;
 const SECOND_NS: i64 = 1_000_000_000;
 const BEGIN_NS: i64 = 1_770_000_000 * SECOND_NS;
 
@@ -103,9 +102,10 @@ fn to_row(mapped: &MappedElement) -> ElementRow {
 /// What one vehicle says of a section: ten looks, nine matches, 5 cm off to one side or the other.
 fn row(mapped: &MappedElement, pass: i64, section: i32) -> EvidenceRow {
     let lot = (mapped.element.id.0 * 31 + pass * 7 + i64::from(section)) % 11;
-    let lambda_fx = 100 * ONE_FX;
-    let residual_fx = (lot - 5) * ONE_FX / 100;
-    let first_ns = BEGIN_NS + (pass * 3_600 + mapped.element.id.0 % 3_600) * SECOND_NS;
+    let lambda_q10 = 100 * ONE_Q10;
+    let residual_q10 = (lot - 5) * ONE_Q10 / 100;
+    let at_ns = BEGIN_NS + (pass * 3_600 + mapped.element.id.0 % 3_600) * SECOND_NS;
+    let window = at_ns.div_euclid(WINDOW_NS);
     let mut seen = [0; CLASS_BINS];
     seen[1] = 9;
     EvidenceRow {
@@ -116,29 +116,29 @@ fn row(mapped: &MappedElement, pass: i64, section: i32) -> EvidenceRow {
         // Spread over all numbers, as keyed hashes are.
         vehicle: (pass + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15_u64.cast_signed()),
         channel: 1,
-        window: first_ns / (20 * SECOND_NS),
+        window,
         method: METHOD_VERSION,
         model: 0,
         exposed: 10,
         hit: 9,
-        sum_v_fx: 9 * ONE_FX + lot * 1_000,
-        sum_v2_fx: 8 * ONE_FX + lot * 900,
-        sum_v_miss_fx: ONE_FX / 2,
-        sum_w_no_fx: 9 * ONE_FX,
-        sum_w_add_fx: 0,
-        sum_w_del_fx: ONE_FX,
-        sum_w_mod_fx: 0,
-        sum_w_fx: 10 * ONE_FX,
+        sum_v_q10: 9 * ONE_Q10 + lot,
+        sum_v2_q10: 8 * ONE_Q10 + lot,
+        sum_v_miss_q10: ONE_Q10 / 2,
+        sum_w_no_q10: 9 * ONE_Q10,
+        sum_w_add_q10: 0,
+        sum_w_del_q10: ONE_Q10,
+        sum_w_mod_q10: 0,
+        sum_w_q10: 10 * ONE_Q10,
         residuals: 9,
-        residual_eta_fx: residual_fx * 100,
-        residual_lambda_fx: lambda_fx,
-        residual_chi2_fx: residual_fx,
-        along_eta_fx: 0,
-        along_lambda_fx: 0,
+        residual_eta_q10: residual_q10 * 100,
+        residual_lambda_q10: lambda_q10,
+        residual_chi2_q10: residual_q10,
+        along_eta_q10: 0,
+        along_lambda_q10: 0,
         seen,
-        first_ns,
-        last_ns: first_ns + SECOND_NS,
-        best_ns: first_ns + SECOND_NS / 2,
-        best_v_fx: ONE_FX,
+        first_ms: to_window_ms(window, at_ns),
+        last_ms: to_window_ms(window, at_ns + SECOND_NS),
+        best_ms: to_window_ms(window, at_ns + SECOND_NS / 2),
+        best_v_q10: ONE_Q10,
     }
 }

@@ -152,8 +152,8 @@ impl<'a> Seen<'a> {
     fn is_with(&self, other: &Self) -> bool {
         let (one, other) = (self.sighting, other.sighting);
         one.vehicle == other.vehicle
-            && one.first_ns <= other.last_ns
-            && other.first_ns <= one.last_ns
+            && one.first_ns() <= other.last_ns()
+            && other.first_ns() <= one.last_ns()
     }
 
     fn is_within(&self, other: &Self, across_m: f64) -> bool {
@@ -169,7 +169,7 @@ impl<'a> Seen<'a> {
     }
 
     fn weight(&self) -> f64 {
-        fixed::to_f64(self.sighting.lambda_fx).max(1e-6)
+        fixed::from_q10(self.sighting.lambda_q10).max(1e-6)
     }
 }
 
@@ -334,8 +334,8 @@ impl<'s, 'a> Candidate<'s, 'a> {
             .collect();
         let earliest = self.members[0].sighting;
         let best = self.members.iter().map(|m| m.sighting).max_by_key(|s| {
-            let order = std::cmp::Reverse((s.first_ns, s.vehicle, s.track));
-            (s.sum_v_fx, order)
+            let order = std::cmp::Reverse((s.first_ns(), s.vehicle, s.track));
+            (s.sum_v_q10, order)
         })?;
         let looks = || looked.values();
         let length_m = Polyline::of_element(&vertices).map_or(0.0, |(_, line)| line.length_m());
@@ -362,11 +362,11 @@ impl<'s, 'a> Candidate<'s, 'a> {
             first_ns: looks()
                 .map(|look| look.first_ns)
                 .min()
-                .unwrap_or(earliest.first_ns),
+                .unwrap_or(earliest.first_ns()),
             last_ns: looks()
                 .map(|look| look.last_ns)
                 .max()
-                .unwrap_or(earliest.last_ns),
+                .unwrap_or(earliest.last_ns()),
             changed_after_ns: None,
             changed_before_ns: None,
             shift_m: None,
@@ -379,7 +379,7 @@ impl<'s, 'a> Candidate<'s, 'a> {
             }),
             evidence_fx: 0,
             best_vehicle: best.vehicle,
-            best_ns: best.best_ns,
+            best_ns: best.best_ns(),
             fusion_model: model_name.to_owned(),
         };
         Some(Explained::new(record, weights))
@@ -404,7 +404,7 @@ impl<'s, 'a> Candidate<'s, 'a> {
 fn reference<'s, 'a>(members: &'s [&'s Seen<'a>]) -> &'s Seen<'a> {
     let mut best = members[0];
     for &member in members {
-        if member.sighting.lambda_fx > best.sighting.lambda_fx {
+        if member.sighting.lambda_q10 > best.sighting.lambda_q10 {
             best = member;
         }
     }
@@ -457,7 +457,7 @@ impl<'a> AreaLooks<'a> {
             .enumerate()
             .filter(|(_, footprint)| footprint.kinds & lines == 0);
         let places = of_areas.map(|(index, footprint)| {
-            let degrees = [footprint.longitude_e9, footprint.latitude_e9].map(|v| v as f64 * 1e-9);
+            let degrees = footprint.place_deg();
             GeomWithData::new(degrees, index)
         });
         Self {
@@ -476,16 +476,17 @@ impl<'a> AreaLooks<'a> {
         let mut looks: BTreeMap<i64, Look> = BTreeMap::new();
         for member in candidate.members {
             let sighting = member.sighting;
-            let visibility = fixed::to_f64(sighting.sum_v_fx) / f64::from(sighting.frames.max(1));
+            let visibility =
+                fixed::from_q10(sighting.sum_v_q10) / f64::from(sighting.frames.max(1));
             add(
                 &mut looks,
                 sighting.vehicle,
                 Look {
                     visibility,
                     frames: 0,
-                    first_ns: sighting.first_ns,
-                    last_ns: sighting.last_ns,
-                    best_ns: sighting.best_ns,
+                    first_ns: sighting.first_ns(),
+                    last_ns: sighting.last_ns(),
+                    best_ns: sighting.best_ns(),
                 },
             );
         }
@@ -500,11 +501,11 @@ impl<'a> AreaLooks<'a> {
                     &mut looks,
                     footprint.vehicle,
                     Look {
-                        visibility: fixed::to_f64(footprint.v_fx),
+                        visibility: fixed::from_q10(footprint.v_q10),
                         frames: i64::from(footprint.frames),
-                        first_ns: footprint.stamp_ns,
-                        last_ns: footprint.stamp_ns,
-                        best_ns: footprint.stamp_ns,
+                        first_ns: footprint.at_ns(),
+                        last_ns: footprint.at_ns(),
+                        best_ns: footprint.at_ns(),
                     },
                 );
             }
@@ -525,9 +526,9 @@ fn shows(
     kind: ElementKind,
     frame: &LocalFrame,
 ) -> bool {
-    let degrees = [footprint.longitude_e9, footprint.latitude_e9].map(|v| v as f64 * 1e-9);
+    let degrees = footprint.place_deg();
     let [east, north] = plane(frame, [degrees[0], degrees[1], 0.0]);
-    let yaw_rad = f64::from(footprint.yaw_urad) * 1e-6;
+    let yaw_rad = footprint.yaw_rad();
     let (sin, cos) = (libm::sin(yaw_rad), libm::cos(yaw_rad));
     let along = candidate.ahead[0] * cos + candidate.ahead[1] * sin;
     if kind == ElementKind::GroundSign && along <= READABLE_COS {

@@ -128,7 +128,7 @@ fn judge_component(
 fn plane_vertices(component: &[&Sighting], frame: &LocalFrame) -> Vec<Vertex> {
     let mut vertices = Vec::new();
     for (index, sighting) in component.iter().enumerate() {
-        let visibility = fixed::to_f64(sighting.sum_v_fx) / f64::from(sighting.frames.max(1));
+        let visibility = fixed::from_q10(sighting.sum_v_q10) / f64::from(sighting.frames.max(1));
         let points: Vec<[f64; 2]> = vertices_of(sighting)
             .iter()
             .map(|&[lon, lat, _]| {
@@ -169,7 +169,7 @@ impl<'a> LookIndex<'a> {
             .iter()
             .enumerate()
             .filter(|(_, footprint)| footprint.kinds & (1 << ElementKind::LaneMarking.code()) != 0)
-            .map(|(index, footprint)| GeomWithData::new(degrees(footprint), index));
+            .map(|(index, footprint)| GeomWithData::new(footprint.place_deg(), index));
         Self {
             footprints,
             map,
@@ -233,9 +233,9 @@ impl<'a> LookIndex<'a> {
             let look = Look {
                 visibility,
                 frames: i64::from(footprint.frames),
-                first_ns: footprint.stamp_ns,
-                last_ns: footprint.stamp_ns,
-                best_ns: footprint.stamp_ns,
+                first_ns: footprint.at_ns(),
+                last_ns: footprint.at_ns(),
+                best_ns: footprint.at_ns(),
             };
             let known = looks.entry(footprint.vehicle);
             known.and_modify(|known| known.add(&look)).or_insert(look);
@@ -244,17 +244,10 @@ impl<'a> LookIndex<'a> {
     }
 }
 
-fn degrees(footprint: &Footprint) -> [f64; 2] {
-    [
-        footprint.longitude_e9 as f64 * 1e-9,
-        footprint.latitude_e9 as f64 * 1e-9,
-    ]
-}
-
 fn visibility(footprint: &Footprint, place: [f64; 2], frame: &LocalFrame) -> Option<f64> {
-    let [lon, lat] = degrees(footprint);
+    let [lon, lat] = footprint.place_deg();
     let [east, north, _] = frame.to_enu([lon, lat, 0.0]);
-    let (sin, cos) = (f64::from(footprint.yaw_urad) * 1e-6).sin_cos();
+    let (sin, cos) = footprint.yaw_rad().sin_cos();
     let (dx, dy) = (place[0] - east, place[1] - north);
     let (ahead_m, left_m) = (cos * dx + sin * dy, -sin * dx + cos * dy);
     let metres = |mm: i32| f64::from(mm) * 1e-3;
@@ -262,7 +255,7 @@ fn visibility(footprint: &Footprint, place: [f64; 2], frame: &LocalFrame) -> Opt
         && ahead_m <= metres(footprint.range_to_mm) + RANGE_SLACK_M;
     let in_reach = metres(footprint.right_mm) <= left_m && left_m <= metres(footprint.left_mm);
     let side = side_visibility(left_m);
-    (in_range && in_reach).then(|| side * fixed::to_f64(footprint.v_fx))
+    (in_range && in_reach).then(|| side * fixed::from_q10(footprint.v_q10))
 }
 
 /// Splits a followed line into sections, judges each against the looks, and makes a record of
@@ -413,8 +406,8 @@ fn record(
         .map(|&index| component[index])
         .max_by_key(|s| {
             (
-                s.sum_v_fx,
-                std::cmp::Reverse((s.first_ns, s.vehicle, s.track)),
+                s.sum_v_q10,
+                std::cmp::Reverse((s.first_ns(), s.vehicle, s.track)),
             )
         })?;
     Some(ChangeRecord {
@@ -449,7 +442,7 @@ fn record(
         geometry_new: Some(wkb::line(&vertices)),
         evidence_fx: 0,
         best_vehicle: best.vehicle,
-        best_ns: best.best_ns,
+        best_ns: best.best_ns(),
         fusion_model: model_name.to_owned(),
     })
 }
@@ -459,6 +452,9 @@ fn record(
 pub(crate) fn candidate_id(earliest: &Sighting, from: usize) -> i64 {
     tilefold_schemas::id::hash_text(&format!(
         "{}:{}:{}:{}:{from}",
-        earliest.vehicle, earliest.channel, earliest.first_ns, earliest.track
+        earliest.vehicle,
+        earliest.channel,
+        earliest.first_ns(),
+        earliest.track
     ))
 }

@@ -180,10 +180,10 @@ fn stretches(judged: &[Judged], sections: &[Vec<Pass>], quorum: usize) -> Vec<St
 pub(crate) fn vehicles(sections: &[Vec<Pass>], (from, to): (usize, usize)) -> BTreeSet<i64> {
     let mut looks: BTreeMap<i64, i64> = BTreeMap::new();
     for pass in sections[from..to].iter().flatten() {
-        *looks.entry(pass.vehicle).or_default() += pass.sum_v_fx;
+        *looks.entry(pass.vehicle).or_default() += pass.sum_v_q10;
     }
-    let enough = fixed::from_f64(MIN_LOOK);
-    looks.retain(|_, sum_v_fx| *sum_v_fx >= enough);
+    let enough = fixed::to_q10(MIN_LOOK);
+    looks.retain(|_, sum_v_q10| *sum_v_q10 >= enough);
     looks.into_keys().collect()
 }
 
@@ -228,7 +228,7 @@ pub(crate) fn record(
     let passes: Vec<&Pass> = sections[from..to].iter().flatten().collect();
     let best = passes.iter().max_by_key(|pass| {
         (
-            pass.sum_v_fx,
+            pass.sum_v_q10,
             std::cmp::Reverse((pass.vehicle, pass.best_ns)),
         )
     });

@@ -4,7 +4,7 @@
 //! Nothing is estimated: such passes are made up, beside those that are there, and the element is
 //! judged anew with them.
 
-use tilefold_schemas::evidence::CLASS_BINS;
+use tilefold_schemas::evidence::{CLASS_BINS, WINDOW_NS, to_window_ms};
 use tilefold_schemas::{ChangeRecord, EvidenceRow, Verdict, fixed};
 use tilefold_tiler::map_index::MappedElement;
 
@@ -41,8 +41,8 @@ pub fn flip(
     record: &ChangeRecord,
 ) -> Option<Flip> {
     let of_now = || rows.iter().filter(|row| row.content == mapped.content.0);
-    let clearest = of_now().max_by_key(|row| (row.sum_v_fx, row.vehicle, row.window))?;
-    let last_ns = of_now().map(|row| row.last_ns).max()?;
+    let clearest = of_now().max_by_key(|row| (row.sum_v_q10, row.vehicle, row.window))?;
+    let last_ns = of_now().map(|row| row.last_ns()).max()?;
     let see_it = record.verdict != Verdict::NoChange.code();
     let template: Vec<EvidenceRow> = of_now()
         .filter(|row| row.vehicle == clearest.vehicle && row.window.abs_diff(clearest.window) <= 1)
@@ -75,7 +75,7 @@ pub fn flip(
 fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> EvidenceRow {
     let share = if see_it { SEEN } else { 0.0 };
     let hit = (share * f64::from(row.exposed)).round() as i32;
-    let lambda_fx = fixed::from_f64(f64::from(hit) * SIGMA_M.powi(-2));
+    let lambda_q10 = fixed::to_q10(f64::from(hit) * SIGMA_M.powi(-2));
     let mut seen = [0; CLASS_BINS];
     let as_mapped = match mapped.element.kind {
         tilefold_schemas::ElementKind::LaneMarking => mapped.element.marking.code(),
@@ -88,29 +88,32 @@ fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> Evidence
         hit,
         seen,
         residuals: hit,
-        residual_eta_fx: 0,
-        residual_lambda_fx: lambda_fx,
-        along_eta_fx: 0,
-        along_lambda_fx: if row.along_lambda_fx > 0 {
-            lambda_fx
+        residual_eta_q10: 0,
+        residual_lambda_q10: lambda_q10,
+        along_eta_q10: 0,
+        along_lambda_q10: if row.along_lambda_q10 > 0 {
+            lambda_q10
         } else {
             0
         },
-        sum_w_no_fx: (share * row.sum_w_fx as f64) as i64,
-        sum_w_add_fx: 0,
-        sum_w_del_fx: ((1.0 - share) * row.sum_w_fx as f64) as i64,
-        sum_w_mod_fx: 0,
+        sum_w_no_q10: (share * row.sum_w_q10 as f64) as i64,
+        sum_w_add_q10: 0,
+        sum_w_del_q10: ((1.0 - share) * row.sum_w_q10 as f64) as i64,
+        sum_w_mod_q10: 0,
         ..row.clone()
     }
 }
 
 /// The same row by a vehicle that never came before, later.
 fn newcomer(row: &EvidenceRow, number: i64, at_ns: i64) -> EvidenceRow {
+    let window = at_ns.div_euclid(WINDOW_NS);
+    let at_ms = to_window_ms(window, at_ns);
     EvidenceRow {
         vehicle: tilefold_schemas::id::hash_text(&format!("newcomer {number}")),
-        first_ns: at_ns,
-        last_ns: at_ns + (row.last_ns - row.first_ns),
-        best_ns: at_ns,
+        window,
+        first_ms: at_ms,
+        last_ms: at_ms + (row.last_ms - row.first_ms),
+        best_ms: at_ms,
         ..row.clone()
     }
 }

@@ -79,7 +79,7 @@ impl<'a> Groups<'a> {
             Some((one, extent, if is_line { extent } else { begin }))
         });
         let mut placed: Vec<_> = placed.collect();
-        placed.sort_by_key(|(s, _, _)| (s.first_ns, s.vehicle, s.channel, s.window, s.track));
+        placed.sort_by_key(|(s, _, _)| (s.first_ns(), s.vehicle, s.channel, s.window, s.track));
         let extents: Vec<Extent> = placed.iter().map(|&(_, extent, _)| extent).collect();
         let marks: Vec<Extent> = placed.iter().map(|&(_, _, mark)| mark).collect();
         Self {
@@ -203,13 +203,13 @@ mod tests {
             model: 0,
             kind: ElementKind::LaneMarking.code(),
             frames: 10,
-            sum_v_fx: 1,
+            sum_v_q10: 1,
             geometry: wkb::line(&points),
-            lambda_fx: 1,
+            lambda_q10: 1,
             seen: Default::default(),
-            first_ns: i64::from(track),
-            last_ns: 100,
-            best_ns: 50,
+            first_ms: track,
+            last_ms: 100,
+            best_ms: 50,
         }
     }
 

@@ -18,17 +18,17 @@ pub struct Pass {
     /// Exposed frames with a match.
     pub hit: i64,
     /// Sum of visibility, fixed point.
-    pub sum_v_fx: i64,
+    pub sum_v_q10: i64,
     /// The paper's sums for no change, added, deleted, modified, and of the weights.
     pub paper_fx: [i64; 5],
     /// Information-weighted sum of residuals (1/m), their information (1/m^2), fixed point.
-    pub residual_eta_fx: i64,
+    pub residual_eta_q10: i64,
     /// Information of the residuals, fixed point.
-    pub residual_lambda_fx: i64,
+    pub residual_lambda_q10: i64,
     /// The same of residuals along the element: sum (1/m), information (1/m^2), fixed point.
-    pub along_eta_fx: i64,
+    pub along_eta_q10: i64,
     /// Information of the residuals along the element, fixed point.
-    pub along_lambda_fx: i64,
+    pub along_lambda_q10: i64,
     /// Observed classes.
     pub seen: [i32; CLASS_BINS],
     /// First exposure.
@@ -37,7 +37,7 @@ pub struct Pass {
     pub last_ns: i64,
     /// Clearest frame.
     pub best_ns: i64,
-    best_v_fx: i64,
+    best_v_q10: i64,
 }
 
 impl Pass {
@@ -46,23 +46,23 @@ impl Pass {
             vehicle: row.vehicle,
             exposed: i64::from(row.exposed),
             hit: i64::from(row.hit),
-            sum_v_fx: row.sum_v_fx,
+            sum_v_q10: row.sum_v_q10,
             paper_fx: [
-                row.sum_w_no_fx,
-                row.sum_w_add_fx,
-                row.sum_w_del_fx,
-                row.sum_w_mod_fx,
-                row.sum_w_fx,
+                row.sum_w_no_q10,
+                row.sum_w_add_q10,
+                row.sum_w_del_q10,
+                row.sum_w_mod_q10,
+                row.sum_w_q10,
             ],
-            residual_eta_fx: row.residual_eta_fx,
-            residual_lambda_fx: row.residual_lambda_fx,
-            along_eta_fx: row.along_eta_fx,
-            along_lambda_fx: row.along_lambda_fx,
+            residual_eta_q10: row.residual_eta_q10,
+            residual_lambda_q10: row.residual_lambda_q10,
+            along_eta_q10: row.along_eta_q10,
+            along_lambda_q10: row.along_lambda_q10,
             seen: row.seen,
-            first_ns: row.first_ns,
-            last_ns: row.last_ns,
-            best_ns: row.best_ns,
-            best_v_fx: row.best_v_fx,
+            first_ns: row.first_ns(),
+            last_ns: row.last_ns(),
+            best_ns: row.best_ns(),
+            best_v_q10: row.best_v_q10,
         }
     }
 
@@ -70,24 +70,24 @@ impl Pass {
     pub fn merge(&mut self, other: &Self) {
         self.exposed += other.exposed;
         self.hit += other.hit;
-        self.sum_v_fx = self.sum_v_fx.saturating_add(other.sum_v_fx);
+        self.sum_v_q10 = self.sum_v_q10.saturating_add(other.sum_v_q10);
         for (sum, value) in self.paper_fx.iter_mut().zip(other.paper_fx) {
             *sum = sum.saturating_add(value);
         }
-        self.residual_eta_fx = self.residual_eta_fx.saturating_add(other.residual_eta_fx);
-        self.residual_lambda_fx = self
-            .residual_lambda_fx
-            .saturating_add(other.residual_lambda_fx);
-        self.along_eta_fx = self.along_eta_fx.saturating_add(other.along_eta_fx);
-        self.along_lambda_fx = self.along_lambda_fx.saturating_add(other.along_lambda_fx);
+        self.residual_eta_q10 = self.residual_eta_q10.saturating_add(other.residual_eta_q10);
+        self.residual_lambda_q10 = self
+            .residual_lambda_q10
+            .saturating_add(other.residual_lambda_q10);
+        self.along_eta_q10 = self.along_eta_q10.saturating_add(other.along_eta_q10);
+        self.along_lambda_q10 = self.along_lambda_q10.saturating_add(other.along_lambda_q10);
         for (sum, value) in self.seen.iter_mut().zip(other.seen) {
             *sum = sum.saturating_add(value);
         }
         self.first_ns = self.first_ns.min(other.first_ns);
         self.last_ns = self.last_ns.max(other.last_ns);
         // Clearest frame; the earlier of equals, so that order does not matter.
-        if (other.best_v_fx, -other.best_ns) > (self.best_v_fx, -self.best_ns) {
-            self.best_v_fx = other.best_v_fx;
+        if (other.best_v_q10, -other.best_ns) > (self.best_v_q10, -self.best_ns) {
+            self.best_v_q10 = other.best_v_q10;
             self.best_ns = other.best_ns;
         }
     }
@@ -95,7 +95,7 @@ impl Pass {
     /// Mean visibility in `[0, 1]`.
     #[must_use]
     pub fn visibility(&self) -> f64 {
-        fixed::to_f64(self.sum_v_fx) / self.exposed.max(1) as f64
+        fixed::from_q10(self.sum_v_q10) / self.exposed.max(1) as f64
     }
 
     /// The class or marking read most, the lower code of equals; none if none was recognised.
@@ -108,8 +108,8 @@ impl Pass {
     /// Mean lateral residual in metres, positive to the left of the element; none without a hit.
     #[must_use]
     pub fn residual_m(&self) -> Option<f64> {
-        (self.residual_lambda_fx > 0)
-            .then(|| self.residual_eta_fx as f64 / self.residual_lambda_fx as f64)
+        (self.residual_lambda_q10 > 0)
+            .then(|| self.residual_eta_q10 as f64 / self.residual_lambda_q10 as f64)
     }
 }
 
@@ -117,7 +117,7 @@ impl Pass {
 #[must_use]
 pub fn passes(rows: &[&EvidenceRow]) -> Vec<Pass> {
     let mut ordered: Vec<&&EvidenceRow> = rows.iter().filter(|row| row.exposed > 0).collect();
-    ordered.sort_by_key(|row| (row.vehicle, row.first_ns, row.channel, row.window));
+    ordered.sort_by_key(|row| (row.vehicle, row.first_ns(), row.channel, row.window));
     let mut passes: Vec<Pass> = Vec::new();
     for row in ordered {
         let next = Pass::new(row);

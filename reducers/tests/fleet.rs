@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use tilefold_reducers::{Fold, FusionModel, SensorModel, elements, fit};
-use tilefold_schemas::evidence::CLASS_BINS;
+use tilefold_schemas::evidence::{CLASS_BINS, WINDOW_NS, to_window_ms};
 use tilefold_schemas::{
     ChangeRecord, Color, Element, ElementId, ElementKind, EvidenceRow, Marking, SignClass, Verdict,
     fixed,
@@ -38,6 +38,8 @@ fn pass(
     left_m: f64,
 ) -> Vec<EvidenceRow> {
     let information = f64::from(hits) / (0.2 * 0.2);
+    let window = at_ns.div_euclid(WINDOW_NS);
+    let at_ms = to_window_ms(window, at_ns);
     let row = |section: i32| EvidenceRow {
         tile: mapped.tile.0,
         element: mapped.element.id.0,
@@ -45,30 +47,30 @@ fn pass(
         section,
         vehicle,
         channel: 0,
-        window: at_ns.div_euclid(20_000_000_000),
+        window,
         method: 3,
         model: 0,
         exposed: FRAMES,
         hit: hits,
-        sum_v_fx: fixed::from_f64(0.9 * f64::from(FRAMES)),
-        sum_v2_fx: 0,
-        sum_v_miss_fx: 0,
-        sum_w_no_fx: 0,
-        sum_w_add_fx: 0,
-        sum_w_del_fx: 0,
-        sum_w_mod_fx: 0,
-        sum_w_fx: 0,
+        sum_v_q10: fixed::to_q10(0.9 * f64::from(FRAMES)),
+        sum_v2_q10: 0,
+        sum_v_miss_q10: 0,
+        sum_w_no_q10: 0,
+        sum_w_add_q10: 0,
+        sum_w_del_q10: 0,
+        sum_w_mod_q10: 0,
+        sum_w_q10: 0,
         residuals: hits,
-        residual_eta_fx: fixed::from_f64(left_m * information),
-        residual_lambda_fx: fixed::from_f64(information),
-        residual_chi2_fx: 0,
-        along_eta_fx: 0,
-        along_lambda_fx: 0,
+        residual_eta_q10: fixed::to_q10(left_m * information),
+        residual_lambda_q10: fixed::to_q10(information),
+        residual_chi2_q10: 0,
+        along_eta_q10: 0,
+        along_lambda_q10: 0,
         seen: [0; CLASS_BINS],
-        first_ns: at_ns,
-        last_ns: at_ns + 1_000_000_000,
-        best_ns: at_ns,
-        best_v_fx: 0,
+        first_ms: at_ms,
+        last_ms: at_ms + 1_000,
+        best_ms: at_ms,
+        best_v_q10: 0,
     };
     (0..3).map(row).collect()
 }
@@ -190,7 +192,7 @@ fn a_line_that_was_gone_for_a_while_is_back() {
     assert_eq!(record.verdict, Verdict::NoChange.code(), "{record:?}");
     let until: Vec<EvidenceRow> = rows
         .into_iter()
-        .filter(|row| row.first_ns < 17 * DAY_NS)
+        .filter(|row| row.first_ns() < 17 * DAY_NS)
         .collect();
     let record = judged(&mapped, &until, &SensorModel::default());
     assert_eq!(record.verdict, Verdict::Removed.code(), "{record:?}");

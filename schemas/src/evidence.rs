@@ -4,10 +4,36 @@
 use crate::table;
 
 /// Version of the map stage's method. Rows of different versions are never added up.
-pub const METHOD_VERSION: i32 = 6;
+pub const METHOD_VERSION: i32 = 7;
 
 /// The same method without registration: what poses alone are worth.
 pub const UNREGISTERED_METHOD: i32 = METHOD_VERSION + 1_000;
+
+/// Length of a chunk's window of time in nanoseconds (W in method.md, section 1).
+pub const WINDOW_NS: i64 = 60_000_000_000;
+
+const MILLISECOND_NS: i64 = 1_000_000;
+
+/// A capture time as the ledger has it: the whole milliseconds since a window began.
+#[must_use]
+pub fn to_window_ms(window: i64, stamp_ns: i64) -> i32 {
+    let since_ns = stamp_ns.saturating_sub(window.saturating_mul(WINDOW_NS));
+    let since_ms = since_ns.div_euclid(MILLISECOND_NS);
+    since_ms.clamp(i32::MIN.into(), i32::MAX.into()) as i32
+}
+
+/// The time at which a window's millisecond begins, nanoseconds since the Unix epoch.
+#[must_use]
+pub fn from_window_ms(window: i64, at_ms: i32) -> i64 {
+    let from_ns = window.saturating_mul(WINDOW_NS);
+    from_ns.saturating_add(i64::from(at_ms) * MILLISECOND_NS)
+}
+
+/// Whether two capture times are one for the ledger, which tells milliseconds apart.
+#[must_use]
+pub fn is_same_frame(one_ns: i64, other_ns: i64) -> bool {
+    one_ns.div_euclid(MILLISECOND_NS) == other_ns.div_euclid(MILLISECOND_NS)
+}
 
 /// Bins of [`EvidenceRow::seen`]: codes of [`crate::Marking`] for lines, of [`crate::SignClass`]
 /// for ground signs.
@@ -16,7 +42,7 @@ pub const CLASS_BINS: usize = 13;
 table! {
     /// What one chunk of one vehicle's drive says about one section of one element.
     ///
-    /// Fixed-point fields (`*_fx`) are in units of 2^-24; see [`crate::fixed`].
+    /// Fixed-point fields (`*_q10`) are in units of 2^-10; see [`crate::fixed`].
     #[derive(Eq, PartialOrd, Ord)]
     pub struct EvidenceRow in "evidence" {
         /// Owner tile of the element.
@@ -42,45 +68,45 @@ table! {
         /// Exposed frames in which it was matched.
         pub hit: i32,
         /// Sum of the visibility over exposed frames.
-        pub sum_v_fx: i64,
+        pub sum_v_q10: i64,
         /// Sum of the squared visibility over exposed frames.
-        pub sum_v2_fx: i64,
+        pub sum_v2_q10: i64,
         /// Sum of the visibility over exposed frames without a match.
-        pub sum_v_miss_fx: i64,
+        pub sum_v_miss_q10: i64,
         /// Paper Eq 14 to 18: weighted sum for "no change".
-        pub sum_w_no_fx: i64,
+        pub sum_w_no_q10: i64,
         /// Weighted sum for "added".
-        pub sum_w_add_fx: i64,
+        pub sum_w_add_q10: i64,
         /// Weighted sum for "deleted".
-        pub sum_w_del_fx: i64,
+        pub sum_w_del_q10: i64,
         /// Weighted sum for "modified".
-        pub sum_w_mod_fx: i64,
+        pub sum_w_mod_q10: i64,
         /// Sum of the weights.
-        pub sum_w_fx: i64,
+        pub sum_w_q10: i64,
         /// Residuals taken.
         pub residuals: i32,
         /// Information-weighted sum of lateral residuals (positive to the left of the element's
         /// direction), in 1/m.
-        pub residual_eta_fx: i64,
+        pub residual_eta_q10: i64,
         /// Sum of the information of lateral residuals, in 1/m^2.
-        pub residual_lambda_fx: i64,
+        pub residual_lambda_q10: i64,
         /// Information-weighted sum of squared lateral residuals (dimensionless).
-        pub residual_chi2_fx: i64,
+        pub residual_chi2_q10: i64,
         /// Information-weighted sum of residuals along the element's direction, in 1/m; 0 for
         /// lane markings, which have no place along themselves.
-        pub along_eta_fx: i64,
+        pub along_eta_q10: i64,
         /// Sum of the information of residuals along it, in 1/m^2.
-        pub along_lambda_fx: i64,
+        pub along_lambda_q10: i64,
         /// How often each marking type or sign class was observed.
         pub seen: [i32; CLASS_BINS],
-        /// First exposure, nanoseconds since the Unix epoch.
-        pub first_ns: i64,
-        /// Last exposure.
-        pub last_ns: i64,
-        /// Capture time of the clearest frame; file and topic are found through the chunk.
-        pub best_ns: i64,
+        /// First exposure, in milliseconds since the window began (`window * 60_000` after the Unix epoch).
+        pub first_ms: i32,
+        /// Last exposure, likewise.
+        pub last_ms: i32,
+        /// The clearest frame, likewise; file and topic are found through the chunk.
+        pub best_ms: i32,
         /// Visibility in the clearest frame.
-        pub best_v_fx: i64,
+        pub best_v_q10: i64,
     }
 }
 
@@ -107,21 +133,21 @@ table! {
         /// Frames that saw it.
         pub frames: i32,
         /// Sum of the visibility over these frames.
-        pub sum_v_fx: i64,
+        pub sum_v_q10: i64,
         /// A line's vertices about every 2 m, or the outline of an area (WKB `LineString` or
-        /// `Polygon` with z 0, CRS84, rounded to 1e-9 degrees).
+        /// `Polygon` with z 0, CRS84, rounded to 2^-26 degrees, 1.7 mm).
         pub geometry: Vec<u8>,
         /// Lateral information per vertex, 1/m^2, averaged over vertices; of an area, that of its
         /// place along the road.
-        pub lambda_fx: i64,
+        pub lambda_q10: i64,
         /// How often each marking type or sign class was observed.
         pub seen: [i32; CLASS_BINS],
-        /// First frame.
-        pub first_ns: i64,
-        /// Last frame.
-        pub last_ns: i64,
-        /// Capture time of the clearest frame.
-        pub best_ns: i64,
+        /// First frame, in milliseconds since the window began.
+        pub first_ms: i32,
+        /// Last frame, likewise.
+        pub last_ms: i32,
+        /// The clearest frame, likewise.
+        pub best_ms: i32,
     }
 }
 
@@ -143,14 +169,14 @@ table! {
         pub model: i64,
         /// What could be seen: bit `1 << code` for every [`crate::ElementKind`].
         pub kinds: i16,
-        /// Capture time of the sample.
-        pub stamp_ns: i64,
-        /// Registered position, longitude in 1e-9 degrees.
-        pub longitude_e9: i64,
-        /// Registered position, latitude in 1e-9 degrees.
-        pub latitude_e9: i64,
-        /// Heading, counter-clockwise from east, in microradians.
-        pub yaw_urad: i32,
+        /// Capture time of the sample, in milliseconds since the window began.
+        pub at_ms: i32,
+        /// Registered position, longitude in 1e-7 degrees.
+        pub longitude_e7: i32,
+        /// Registered position, latitude in 1e-7 degrees.
+        pub latitude_e7: i32,
+        /// Heading, counter-clockwise from east, in milliradians.
+        pub yaw_mrad: i32,
         /// Frames that this sample stands for.
         pub frames: i32,
         /// Nearest and farthest trusted range ahead, in millimetres.
@@ -162,7 +188,7 @@ table! {
         /// Right reach, in millimetres (right is negative).
         pub right_mm: i32,
         /// Mean visibility.
-        pub v_fx: i64,
+        pub v_q10: i64,
     }
 }
 
@@ -212,5 +238,53 @@ table! {
         /// Digest of the map elements in that piece. 0: the base map has changed there since, and the
         /// chunk is mapped again as soon as its logs are given again.
         pub map: i64,
+    }
+}
+
+/// Capture times of a row, in nanoseconds since the Unix epoch, to the millisecond.
+macro_rules! seen_at {
+    ($row:ident) => {
+        impl $row {
+            /// First frame.
+            #[must_use]
+            pub fn first_ns(&self) -> i64 {
+                from_window_ms(self.window, self.first_ms)
+            }
+
+            /// Last frame.
+            #[must_use]
+            pub fn last_ns(&self) -> i64 {
+                from_window_ms(self.window, self.last_ms)
+            }
+
+            /// Clearest frame.
+            #[must_use]
+            pub fn best_ns(&self) -> i64 {
+                from_window_ms(self.window, self.best_ms)
+            }
+        }
+    };
+}
+
+seen_at!(EvidenceRow);
+seen_at!(Sighting);
+
+impl Footprint {
+    /// Capture time of the sample, in nanoseconds since the Unix epoch, to the millisecond.
+    #[must_use]
+    pub fn at_ns(&self) -> i64 {
+        from_window_ms(self.window, self.at_ms)
+    }
+
+    /// Registered position: longitude and latitude in degrees.
+    #[must_use]
+    pub fn place_deg(&self) -> [f64; 2] {
+        [self.longitude_e7, self.latitude_e7].map(|e7| f64::from(e7) * 1e-7)
+    }
+
+    /// Heading in radians, counter-clockwise from east.
+    #[must_use]
+    pub fn yaw_rad(&self) -> f64 {
+        f64::from(self.yaw_mrad) * 1e-3
     }
 }

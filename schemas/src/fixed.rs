@@ -1,25 +1,48 @@
-//! Fixed-point numbers of the ledger: 2^-24 in `i64` (method.md, section 7).
+//! Fixed-point numbers in `i64` (method.md, section 7).
 //!
-//! Adding integers is associative, commutative and exactly reversible; adding floats is not.
-//! So every sum in the ledger is kept in this form, and floats appear only at its two ends.
+//! Adding integers is associative, commutative and exactly reversible; adding floats is not. So every
+//! sum is kept in this form, and floats appear only at its two ends. There are two units: the fold adds
+//! log-evidence in 2^-24 nats (`*_fx`), and the ledger keeps what a frame contributes in 2^-10
+//! (`*_q10`), as each bit of a ledger is stored for every pass of every vehicle (decision 0036).
 
-/// Fraction bits of a ledger number.
+/// Fraction bits of log-evidence.
 pub const FRACTION_BITS: u32 = 24;
-/// One, as a ledger number.
+/// One nat.
 pub const ONE: i64 = 1 << FRACTION_BITS;
 
-/// `value` as a ledger number, rounded to nearest (ties away from zero).
+/// Fraction bits of a ledger number.
+pub const LEDGER_BITS: u32 = 10;
+/// One, as a ledger number.
+pub const ONE_Q10: i64 = 1 << LEDGER_BITS;
+
+/// `value` nats as an integer, rounded to nearest (ties away from zero).
 /// Not-a-number becomes 0 and what does not fit is clamped, so no float can poison a sum.
 #[must_use]
 pub fn from_f64(value: f64) -> i64 {
-    // `as` saturates and maps NaN to 0 (Rust reference, "Numeric cast").
-    (value * ONE as f64).round() as i64
+    rounded(value * ONE as f64)
 }
 
-/// A ledger number as `f64`; exact below 2^29 in magnitude.
+/// Nats as `f64`; exact below 2^29 in magnitude.
 #[must_use]
 pub fn to_f64(value: i64) -> f64 {
     value as f64 / ONE as f64
+}
+
+/// `value` as a ledger number; rounds and clamps as [`from_f64`] does.
+#[must_use]
+pub fn to_q10(value: f64) -> i64 {
+    rounded(value * ONE_Q10 as f64)
+}
+
+/// A ledger number as `f64`; exact below 2^43 in magnitude.
+#[must_use]
+pub fn from_q10(value: i64) -> f64 {
+    value as f64 / ONE_Q10 as f64
+}
+
+fn rounded(value: f64) -> i64 {
+    // `as` saturates and maps NaN to 0 (Rust reference, "Numeric cast").
+    value.round() as i64
 }
 
 #[cfg(test)]
@@ -32,6 +55,9 @@ mod tests {
         assert_eq!(from_f64(-0.5), -ONE / 2);
         assert_eq!(from_f64(f64::NAN), 0);
         assert_eq!(from_f64(f64::INFINITY), i64::MAX);
+        assert_eq!(to_q10(-0.25), -ONE_Q10 / 4);
+        assert_eq!(to_q10(f64::NAN), 0);
+        assert_eq!(from_q10(to_q10(0.1)), 102.0 / 1024.0);
         assert_eq!(
             to_f64(from_f64(0.1)),
             (0.1_f64 * ONE as f64).round() / ONE as f64

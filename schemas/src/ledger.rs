@@ -62,7 +62,7 @@ testified!(Sighting);
 testified!(
     Footprint,
     fn canonical_order(&self, other: &Self) -> Ordering {
-        let along = |row: &Self| (row.tile, row.chunk(), row.stamp_ns);
+        let along = |row: &Self| (row.tile, row.chunk(), row.at_ms);
         along(self).cmp(&along(other)).then_with(|| self.cmp(other))
     }
 );

@@ -11,7 +11,7 @@ use tilefold_schemas::{ChunkId, EvidenceRow, Footprint, Ledger, Testified, TileI
 fn row() -> impl Strategy<Value = EvidenceRow> {
     let place = (0..3_i32, 0..3_i64, 0..2_i32);
     let chunk = (0..4_i64, 0..2_i64, 0..3_i64);
-    (place, chunk, 0..3_i32, any::<i64>()).prop_map(|(place, chunk, hit, eta_fx)| EvidenceRow {
+    (place, chunk, 0..3_i32, any::<i64>()).prop_map(|(place, chunk, hit, eta_q10)| EvidenceRow {
         tile: place.0,
         element: place.1,
         content: 0,
@@ -23,25 +23,25 @@ fn row() -> impl Strategy<Value = EvidenceRow> {
         model: 0,
         exposed: 3,
         hit,
-        sum_v_fx: 0,
-        sum_v2_fx: 0,
-        sum_v_miss_fx: 0,
-        sum_w_no_fx: 0,
-        sum_w_add_fx: 0,
-        sum_w_del_fx: 0,
-        sum_w_mod_fx: 0,
-        sum_w_fx: 0,
+        sum_v_q10: 0,
+        sum_v2_q10: 0,
+        sum_v_miss_q10: 0,
+        sum_w_no_q10: 0,
+        sum_w_add_q10: 0,
+        sum_w_del_q10: 0,
+        sum_w_mod_q10: 0,
+        sum_w_q10: 0,
         residuals: 0,
-        residual_eta_fx: eta_fx,
-        residual_lambda_fx: 0,
-        residual_chi2_fx: 0,
-        along_eta_fx: 0,
-        along_lambda_fx: 0,
+        residual_eta_q10: eta_q10,
+        residual_lambda_q10: 0,
+        residual_chi2_q10: 0,
+        along_eta_q10: 0,
+        along_lambda_q10: 0,
         seen: [hit; CLASS_BINS],
-        first_ns: 0,
-        last_ns: 1,
-        best_ns: 0,
-        best_v_fx: 0,
+        first_ms: 0,
+        last_ms: 1,
+        best_ms: 0,
+        best_v_q10: 0,
     })
 }
 
@@ -109,7 +109,7 @@ proptest! {
 
 #[test]
 fn footprints_lie_by_time() {
-    let footprint = |stamp_ns: i64, kinds: i16| Footprint {
+    let footprint = |at_ms: i32, kinds: i16| Footprint {
         tile: 1,
         vehicle: 2,
         channel: 3,
@@ -117,16 +117,16 @@ fn footprints_lie_by_time() {
         method: 3,
         model: 0,
         kinds,
-        stamp_ns,
-        longitude_e9: 0,
-        latitude_e9: 0,
-        yaw_urad: 0,
+        at_ms,
+        longitude_e7: 0,
+        latitude_e7: 0,
+        yaw_mrad: 0,
         frames: 1,
         range_from_mm: 0,
         range_to_mm: 0,
         left_mm: 0,
         right_mm: 0,
-        v_fx: 0,
+        v_q10: 0,
     };
     // Two looks at one time, for lines and for areas, are two.
     let ledger = Ledger::of(vec![
@@ -135,10 +135,10 @@ fn footprints_lie_by_time() {
         footprint(5, 1),
         footprint(5, 8),
     ]);
-    let found: Vec<(i64, i16)> = ledger
+    let found: Vec<(i32, i16)> = ledger
         .rows()
         .iter()
-        .map(|row| (row.stamp_ns, row.kinds))
+        .map(|row| (row.at_ms, row.kinds))
         .collect();
     assert_eq!(found, [(5, 1), (5, 8), (7, 1)]);
     let chunk = ChunkId {

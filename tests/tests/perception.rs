@@ -135,10 +135,13 @@ fn the_map_is_drawn_on_the_paint() {
     let red = perception(&card());
     let store = scene.store("store");
     see(&store, &log, &red);
-    let (chunks, _) = rows(&store);
+    let (chunks, evidence) = rows(&store);
     let chunk = chunks.iter().max_by_key(|chunk| chunk.frames).unwrap();
+    let clearest = evidence
+        .iter()
+        .max_by_key(|row| (row.best_v_q10, row.first_ms));
     let frame = Frame {
-        stamp_ns: chunk.last_ns,
+        stamp_ns: clearest.unwrap().best_ns(),
         log: Some(chunk.log.clone()),
         topic: Some(chunk.topic.clone()),
         vehicle: format!("{:016x}", chunk.vehicle),

@@ -1,19 +1,28 @@
 //! Cutting a recording into chunks: absolute windows of time, the unit of map-stage work.
 //!
 //! A chunk is cut by the data, never by file, thread or executor. It is worked on together with
-//! the two windows before it and the two after it, so that registration has settled when it begins
+//! the 40 s before it and after it, so that registration has settled when it begins
 //! and still has support where it ends; what it testifies is only of its own window.
+
+use std::ops::RangeInclusive;
 
 use tilefold_schemas::id::{ChunkId, VehicleKey, hash_text};
 
 use crate::recording::Recording;
 
-/// Length of a window in nanoseconds (W in method.md, section 1).
-pub const WINDOW_NS: i64 = 20_000_000_000;
+pub use tilefold_schemas::evidence::WINDOW_NS;
 
-/// Context to either side, in nanoseconds: two windows. One is for registration to settle; the second lets the
-/// clock offset between channels, which may take many seconds, be told.
-pub const CONTEXT_NS: i64 = 2 * WINDOW_NS;
+/// Context to either side, in nanoseconds: half of it is for registration to settle; the rest lets the clock
+/// offset between channels, which may take many seconds, be told.
+pub const CONTEXT_NS: i64 = 40_000_000_000;
+
+/// Windows that the context of a window reaches into.
+#[must_use]
+pub fn around(window: i64) -> RangeInclusive<i64> {
+    let (from_ns, to_ns) = window_bounds_ns(window);
+    let first = window_of(from_ns.saturating_sub(CONTEXT_NS));
+    first..=window_of(to_ns.saturating_add(CONTEXT_NS) - 1)
+}
 
 /// The window that a capture time falls into.
 #[must_use]
@@ -120,11 +129,12 @@ mod tests {
 
     #[test]
     fn a_chunk_has_its_neighbours_as_context_and_no_more() {
-        let all = recording((0..200).map(|i| i * 1_000_000_000));
+        let all = recording((0..400).map(|i| i * 1_000_000_000));
         let chunk = cut(&all, VehicleKey(7), "/lanes", 3).unwrap();
         let stamps = chunk.recording.detections.iter().map(|f| f.stamp_ns);
-        assert_eq!(stamps.clone().min(), Some(20_000_000_000));
-        assert_eq!(stamps.max(), Some(119_000_000_000));
+        assert_eq!(stamps.clone().min(), Some(140_000_000_000));
+        assert_eq!(stamps.max(), Some(279_000_000_000));
+        assert_eq!(around(3), 2..=4);
     }
 
     #[test]

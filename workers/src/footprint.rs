@@ -1,7 +1,7 @@
 //! Footprints: where a chunk looked, so that what one vehicle saw can be held against all the
 //! passes that looked there and saw nothing.
 
-use tilefold_schemas::evidence::METHOD_VERSION;
+use tilefold_schemas::evidence::{METHOD_VERSION, to_window_ms};
 use tilefold_schemas::{ChunkId, ElementKind, Footprint, fixed};
 use tilefold_tiler::geodesy::LocalFrame;
 use tilefold_tiler::side::FAR_SIDE_M;
@@ -92,16 +92,16 @@ impl Footprints {
                 method: METHOD_VERSION,
                 model: 0,
                 kinds: 1 << ElementKind::LaneMarking.code(),
-                stamp_ns: sample.stamp_ns,
-                longitude_e9: (longitude_deg * 1e9).round() as i64,
-                latitude_e9: (latitude_deg * 1e9).round() as i64,
-                yaw_urad: (sample.yaw_rad.rem_euclid(std::f64::consts::TAU) * 1e6).round() as i32,
+                at_ms: to_window_ms(chunk.window, sample.stamp_ns),
+                longitude_e7: (longitude_deg * 1e7).round() as i32,
+                latitude_e7: (latitude_deg * 1e7).round() as i32,
+                yaw_mrad: (sample.yaw_rad.rem_euclid(std::f64::consts::TAU) * 1e3).round() as i32,
                 frames: sample.frames,
                 range_from_mm: (from_m * 1e3) as i32,
                 range_to_mm: (to_m * 1e3) as i32,
                 left_mm: (FAR_SIDE_M * 1e3) as i32,
                 right_mm: (-FAR_SIDE_M * 1e3) as i32,
-                v_fx: fixed::from_f64(sample.sum_v / f64::from(sample.frames)),
+                v_q10: fixed::to_q10(sample.sum_v / f64::from(sample.frames)),
             })
         };
         self.samples.into_iter().map(row).collect()

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
+use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION, to_window_ms};
 use tilefold_schemas::{ChunkId, EvidenceRow, fixed};
 use tilefold_tiler::map_index::MappedElement;
 use tilefold_tiler::station::section_of;
@@ -126,7 +126,7 @@ impl<'a> Ledger<'a> {
             paper_sums(row.row, visibility, opinion(matched));
             match matched {
                 Some(pair) => hit(row, frame, pair),
-                None => row.row.sum_v_miss_fx += fixed::from_f64(visibility),
+                None => row.row.sum_v_miss_q10 += fixed::to_q10(visibility),
             }
         }
     }
@@ -206,39 +206,40 @@ pub(crate) fn empty_row(chunk: ChunkId, mapped: &MappedElement, section: u32) ->
         model: 0,
         exposed: 0,
         hit: 0,
-        sum_v_fx: 0,
-        sum_v2_fx: 0,
-        sum_v_miss_fx: 0,
-        sum_w_no_fx: 0,
-        sum_w_add_fx: 0,
-        sum_w_del_fx: 0,
-        sum_w_mod_fx: 0,
-        sum_w_fx: 0,
+        sum_v_q10: 0,
+        sum_v2_q10: 0,
+        sum_v_miss_q10: 0,
+        sum_w_no_q10: 0,
+        sum_w_add_q10: 0,
+        sum_w_del_q10: 0,
+        sum_w_mod_q10: 0,
+        sum_w_q10: 0,
         residuals: 0,
-        residual_eta_fx: 0,
-        residual_lambda_fx: 0,
-        residual_chi2_fx: 0,
-        along_eta_fx: 0,
-        along_lambda_fx: 0,
+        residual_eta_q10: 0,
+        residual_lambda_q10: 0,
+        residual_chi2_q10: 0,
+        along_eta_q10: 0,
+        along_lambda_q10: 0,
         seen: [0; CLASS_BINS],
-        first_ns: i64::MAX,
-        last_ns: i64::MIN,
-        best_ns: 0,
-        best_v_fx: -1,
+        first_ms: i32::MAX,
+        last_ms: i32::MIN,
+        best_ms: 0,
+        best_v_q10: -1,
     }
 }
 
 /// Counts an exposure.
 pub(crate) fn expose(row: &mut EvidenceRow, stamp_ns: i64, visibility: f64) {
-    let v_fx = fixed::from_f64(visibility);
+    let v_q10 = fixed::to_q10(visibility);
     row.exposed += 1;
-    row.sum_v_fx += v_fx;
-    row.sum_v2_fx += fixed::from_f64(visibility * visibility);
-    row.first_ns = row.first_ns.min(stamp_ns);
-    row.last_ns = row.last_ns.max(stamp_ns);
-    if v_fx > row.best_v_fx {
-        row.best_v_fx = v_fx;
-        row.best_ns = stamp_ns;
+    row.sum_v_q10 += v_q10;
+    row.sum_v2_q10 += fixed::to_q10(visibility * visibility);
+    let at_ms = to_window_ms(row.window, stamp_ns);
+    row.first_ms = row.first_ms.min(at_ms);
+    row.last_ms = row.last_ms.max(at_ms);
+    if v_q10 > row.best_v_q10 {
+        row.best_v_q10 = v_q10;
+        row.best_ms = at_ms;
     }
 }
 
@@ -289,12 +290,12 @@ pub(crate) fn paper_sums(row: &mut EvidenceRow, visibility: f64, opinion: Opinio
         score,
         shares: [add, del, modified],
     } = opinion;
-    let weight = |share: f64| fixed::from_f64(visibility * share);
-    row.sum_w_no_fx += weight(score);
-    row.sum_w_add_fx += weight((1.0 - score) * add);
-    row.sum_w_del_fx += weight((1.0 - score) * del);
-    row.sum_w_mod_fx += weight((1.0 - score) * modified);
-    row.sum_w_fx += weight(1.0);
+    let weight = |share: f64| fixed::to_q10(visibility * share);
+    row.sum_w_no_q10 += weight(score);
+    row.sum_w_add_q10 += weight((1.0 - score) * add);
+    row.sum_w_del_q10 += weight((1.0 - score) * del);
+    row.sum_w_mod_q10 += weight((1.0 - score) * modified);
+    row.sum_w_q10 += weight(1.0);
 }
 
 fn hit(
@@ -320,7 +321,7 @@ fn hit(
     let residual_m = pair.residual_m * along;
     let variance = RESIDUAL_SIGMA_M.powi(2) + frame.registration.sigma_m.powi(2);
     row.residuals += 1;
-    row.residual_eta_fx += fixed::from_f64(residual_m / variance);
-    row.residual_lambda_fx += fixed::from_f64(1.0 / variance);
-    row.residual_chi2_fx += fixed::from_f64(residual_m * residual_m / variance);
+    row.residual_eta_q10 += fixed::to_q10(residual_m / variance);
+    row.residual_lambda_q10 += fixed::to_q10(1.0 / variance);
+    row.residual_chi2_q10 += fixed::to_q10(residual_m * residual_m / variance);
 }

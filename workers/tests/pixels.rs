@@ -186,7 +186,7 @@ fn refined(lines_m: &[f64], relief: Relief, off: [f64; 4]) -> Mounting {
         registering: tilefold_workers::Registering::On,
     };
     let recording = drive(lines_m, relief, off);
-    let chunk = chunk::cut(&recording, VehicleKey(1), "/lanes", 1).unwrap();
+    let chunk = chunk::cut(&recording, VehicleKey(1), "/lanes", 0).unwrap();
     map_chunk(&chunk, &context).unwrap().mounting.unwrap()
 }
 
@@ -248,7 +248,7 @@ fn frames_whose_camera_cannot_be_used_are_set_aside_with_the_reason() {
     };
     let mut recording = drive(&OWN_AND_NEXT_LANE, flat, [0.0; 4]);
     recording.calibrations[0].value.d.pop();
-    let chunk = chunk::cut(&recording, VehicleKey(1), "/lanes", 1).unwrap();
+    let chunk = chunk::cut(&recording, VehicleKey(1), "/lanes", 0).unwrap();
     let evidence = map_chunk(&chunk, &context).unwrap();
     assert_eq!((evidence.frames, evidence.mounting), (0, None));
     assert_eq!(
@@ -265,10 +265,10 @@ fn missed(recording: &Recording) -> [f64; 4] {
         tile_level: TILE_LEVEL,
         registering: tilefold_workers::Registering::On,
     };
-    let chunk = chunk::cut(recording, VehicleKey(1), "/lanes", 1).unwrap();
+    let chunk = chunk::cut(recording, VehicleKey(1), "/lanes", 0).unwrap();
     let mut missed = [0.0; 4];
     for row in map_chunk(&chunk, &context).unwrap().rows {
-        missed[row.element as usize] += fixed::to_f64(row.sum_v_miss_fx);
+        missed[row.element as usize] += fixed::from_q10(row.sum_v_miss_q10);
     }
     missed
 }

@@ -11,9 +11,10 @@ use bytes::Bytes;
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::arrow::arrow_writer::ArrowWriterOptions;
-use parquet::basic::{Compression, ZstdLevel};
+use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::errors::ParquetError;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::schema::types::ColumnPath;
 use serde_json::{Map, Value, json};
 use tilefold_schemas::TileId;
 
@@ -31,9 +32,9 @@ const COARSE_LEVELS: u32 = 4;
 /// Written into each file in place of the library's version, which must not change the bytes.
 const CREATED_BY: &str = "tilefold";
 
-/// Units of columns in which hardly a value comes twice: sums, times, places, angles. A dictionary
-/// of them makes the file larger; see docs/results/throughput.md.
-const VARIED: [&str; 4] = ["_fx", "_ns", "_e9", "_urad"];
+/// Units of columns in which hardly a value comes twice: sums, times, places, angles. They are packed
+/// into as many bits as their differences need; a dictionary makes the file larger (decision 0036).
+const VARIED: [&str; 6] = ["_q10", "_fx", "_ms", "_ns", "_e7", "_mrad"];
 
 /// Columns of numbers whose smallest and largest values other readers may skip by; `bbox` is another.
 pub(crate) const STATISTICS: &[&str] = &[TILE, "xmin", "ymin", "xmax", "ymax"];
@@ -140,7 +141,10 @@ fn properties(layout: &Layout) -> Result<WriterProperties, ParquetError> {
     let fields = layout.schema.fields().iter();
     let varied = fields.filter(|field| VARIED.iter().any(|unit| field.name().ends_with(unit)));
     let builder = varied.fold(WriterProperties::builder(), |builder, field| {
-        builder.set_column_dictionary_enabled(field.name().as_str().into(), false)
+        let column = ColumnPath::from(field.name().as_str());
+        builder
+            .set_column_dictionary_enabled(column.clone(), false)
+            .set_column_encoding(column, Encoding::DELTA_BINARY_PACKED)
     });
     Ok(builder
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(1)?))

@@ -54,7 +54,7 @@ pub enum StoreError {
     /// The store was written by a Tilefold that is too old.
     #[error(
         "{location} has the store format {found}, but this Tilefold reads formats from {oldest}; \
-         bring it up to date with an older Tilefold first"
+         earlier ones were never published: make the store anew with `init` and `run`"
     )]
     AncientFormat {
         /// The store.

@@ -53,7 +53,7 @@ impl StoredTable for Sighting {
 
 impl StoredTable for Footprint {
     const SORT_KEY: &'static [&'static str] = &[
-        "tile", "vehicle", "channel", "window", "stamp_ns", "method", "model",
+        "tile", "vehicle", "channel", "window", "at_ms", "method", "model",
     ];
 }
 

@@ -11,13 +11,14 @@ use crate::location::Place;
 /// Name of the file beside the tables.
 pub(crate) const FILE: &str = "tilefold.json";
 
-/// Format of the stores that are written here. This code reads this format and, as a rule, the one
-/// before. Since 2 a chunk says what it was made from, so that drives can be taken out and base maps
-/// changed. Since 3 what has geometry has a column `bbox`, and statistics of it.
-pub const FORMAT_VERSION: i64 = 3;
+/// Format of the stores that are written here. Once stores are out there, this code reads this format
+/// and, as a rule, the one before. Since 2 a chunk says what it was made from, so that drives can be
+/// taken out and base maps changed. Since 3 what has geometry has a column `bbox`, and statistics of it.
+/// Since 4 the ledger has smaller units and longer windows (decision 0036).
+pub const FORMAT_VERSION: i64 = 4;
 
-/// Oldest format that is still read: chunks of format 1 cannot say what they were made from.
-const OLDEST_FORMAT: i64 = 2;
+/// Oldest format that is still read: those before were never published.
+const OLDEST_FORMAT: i64 = 4;
 
 /// Named values of any JSON type, in the order of their names.
 pub type Parameters = BTreeMap<String, Value>;

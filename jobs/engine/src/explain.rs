@@ -17,6 +17,7 @@ use tilefold_schemas::{
     SignClass, TileId, Verdict, fixed,
 };
 use tilefold_store::{Snapshot, TileFilter};
+use tilefold_tiler::chunk::window_of;
 use tilefold_tiler::map_index::{MapIndex, MappedElement};
 
 use crate::calibrate::{self, sensor_model};
@@ -292,7 +293,7 @@ impl Explainer {
         fold: &Fold,
     ) -> Result<Vec<EvidenceRow>, EngineError> {
         let is_its =
-            |row: &&EvidenceRow| row.element == mapped.element.id.0 && fold.counts(row.first_ns);
+            |row: &&EvidenceRow| row.element == mapped.element.id.0 && fold.counts(row.first_ns());
         let rows = self.rows_in(mapped.tile)?;
         Ok(rows.iter().filter(is_its).cloned().collect())
     }
@@ -387,9 +388,9 @@ impl Explainer {
 
     fn fold_additions(&self, fold: &Fold) -> Result<Vec<Explained>, EngineError> {
         let mut seen: Vec<Sighting> = self.snapshot.read(TileFilter::All)?;
-        seen.retain(|seen| fold.counts(seen.first_ns));
+        seen.retain(|seen| fold.counts(seen.first_ns()));
         let mut looks: Vec<Footprint> = self.snapshot.read(TileFilter::All)?;
-        looks.retain(|look| fold.counts(look.stamp_ns));
+        looks.retain(|look| fold.counts(look.at_ns()));
         let gone = self.gone(fold)?;
         let (map, level) = (&self.map, self.tile_level);
         let mut all = candidates::explain(&seen, &looks, map, &gone, level, fold);
@@ -411,7 +412,7 @@ impl Explainer {
         let tiles: BTreeSet<TileId> = lines().map(|mapped| mapped.tile).collect();
         let rows: Vec<EvidenceRow> = self.snapshot.read(TileFilter::Tiles(&tiles))?;
         let mut by_element: BTreeMap<i64, Vec<&EvidenceRow>> = BTreeMap::new();
-        for row in rows.iter().filter(|row| fold.counts(row.first_ns)) {
+        for row in rows.iter().filter(|row| fold.counts(row.first_ns())) {
             by_element.entry(row.element).or_default().push(row);
         }
         let judged: Vec<ChangeRecord> = lines()
@@ -566,7 +567,7 @@ impl Explainer {
     fn chunk(&self, vehicle: i64, stamp_ns: i64) -> Option<&ChunkRow> {
         let of_vehicle = self.chunks.iter().filter(|chunk| chunk.vehicle == vehicle);
         of_vehicle
-            .filter(|chunk| chunk.first_ns <= stamp_ns && stamp_ns <= chunk.last_ns)
+            .filter(|chunk| chunk.window == window_of(stamp_ns))
             .min_by_key(|chunk| (chunk.channel, chunk.window))
     }
 

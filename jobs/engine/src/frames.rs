@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tilefold_formats::log::{LogReader, TopicKind};
 use tilefold_formats::picture::{self, Sequence};
+use tilefold_schemas::evidence::is_same_frame;
 use tilefold_schemas::log::{LogMessage, Payload};
 use tilefold_schemas::{
     ChangeRecord, ElementKind, Picture, SetAside, SetAsideKind, VehicleKey, Verdict, wkb,
@@ -210,7 +211,7 @@ impl<'a> Studio<'a> {
             let eye: Eye = (unit.vehicle.clone(), topic.clone());
             let there: BTreeSet<i64> = chunk::windows(recording).into_iter().collect();
             let windows = there
-                .range(perceive::around(window))
+                .range(chunk::around(window))
                 .map(|window| (eye.clone(), *window));
             let sights: Sights =
                 perceive::look(perception, catalogue, &windows.collect(), meter, &Silent);
@@ -224,7 +225,7 @@ impl<'a> Studio<'a> {
         let local = Trajectory::anchor(&chunk.recording).map_err(|error| error.to_string())?;
         let mut shapes = None;
         let traced = map_chunk_traced(chunk, &self.context, |frame, _| {
-            if frame.look.pose.stamp_ns == stamp_ns {
+            if is_same_frame(frame.look.pose.stamp_ns, stamp_ns) {
                 shapes = frame.casting.map(|_| self.laid_on(frame, &local));
             }
         });
@@ -321,7 +322,7 @@ fn seen(chunk: &Chunk, stamp_ns: i64) -> Vec<Shape> {
         width: THIN_PX,
         is_dashed: true,
     };
-    let at = |stamp: i64| stamp == stamp_ns;
+    let at = |stamp: i64| is_same_frame(stamp, stamp_ns);
     let detections = recording
         .detections
         .iter()
@@ -375,7 +376,7 @@ fn photograph(catalogue: &Catalogue, unit: &Unit, frame: &Frame) -> Result<Pictu
                 return;
             };
             let still = sequence.still(image);
-            if message.stamp_ns == frame.stamp_ns {
+            if is_same_frame(message.stamp_ns, frame.stamp_ns) {
                 found = Some(still);
             }
         };

@@ -12,14 +12,14 @@ use tilefold_formats::log::{LogIndex, LogReader, Topic, TopicKind};
 use tilefold_schemas::log::{DetectionSpace, LogMessage, Payload};
 use tilefold_schemas::observation::ObservationFrame;
 use tilefold_schemas::{SetAside, SetAsideKind};
-use tilefold_tiler::chunk::{CONTEXT_NS, WINDOW_NS, window_bounds_ns, window_of};
+use tilefold_tiler::chunk::{self, CONTEXT_NS, window_bounds_ns, window_of};
 use tilefold_tiler::recording::{Recording, Stamped};
 
 use crate::meter::{Meter, Stage};
 use crate::progress::Progress;
 
 /// Windows in a block.
-const BLOCK_WINDOWS: i64 = 6;
+const BLOCK_WINDOWS: i64 = 2;
 /// A header stamp farther than this from the log time belongs to another clock.
 pub(crate) const MAX_CLOCK_GAP_NS: i64 = 5_000_000_000;
 
@@ -232,8 +232,7 @@ pub struct Given {
 impl UnitRecording {
     /// The logs that the chunk of a window is made from, context included.
     pub fn logs_of(&self, window: i64) -> impl Iterator<Item = usize> + '_ {
-        let reach = CONTEXT_NS / WINDOW_NS;
-        let context = window - reach..=window + reach;
+        let context = chunk::around(window);
         let gave = move |given: &Given| {
             given.is_latched || given.windows.range(context.clone()).next().is_some()
         };

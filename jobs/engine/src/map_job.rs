@@ -167,7 +167,7 @@ fn unseen(
             let mut unsaid = MapOutput::default();
             if chunk.is_some_and(|chunk| !is_known(&chunk, known, "", &mut unsaid)) {
                 let eye = (unit.vehicle.clone(), topic.clone());
-                let needed = all.range(perceive::around(window));
+                let needed = all.range(chunk::around(window));
                 windows.extend(needed.map(|window| (eye.clone(), *window)));
             }
         }

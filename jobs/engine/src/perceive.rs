@@ -17,7 +17,7 @@ use tilefold_onnx::{Device, Library, Model, Network, OnnxError};
 use tilefold_schemas::log::{CameraFrame, LogMessage, Payload};
 use tilefold_schemas::observation::ObservationFrame;
 use tilefold_schemas::{SetAside, SetAsideKind};
-use tilefold_tiler::chunk::{CONTEXT_NS, WINDOW_NS, window_bounds_ns, window_of};
+use tilefold_tiler::chunk::{window_bounds_ns, window_of};
 use tilefold_tiler::recording::{Recording, Series};
 use tilefold_workers::detector::Detector;
 
@@ -134,12 +134,6 @@ impl Sights {
         });
         recording.observations = filled.collect();
     }
-}
-
-/// The windows of a camera whose pictures a chunk needs, its context included.
-pub(crate) fn around(window: i64) -> std::ops::RangeInclusive<i64> {
-    let reach = CONTEXT_NS / WINDOW_NS;
-    window - reach..=window + reach
 }
 
 /// Looks at all pictures of these windows.

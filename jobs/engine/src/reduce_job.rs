@@ -38,7 +38,7 @@ impl Sum {
     #[must_use]
     pub fn of(rows: Vec<EvidenceRow>) -> Self {
         Self {
-            last_ns: rows.iter().map(|row| row.last_ns).max(),
+            last_ns: rows.iter().map(EvidenceRow::last_ns).max(),
             digest: Ledger::of(rows).digest(),
         }
     }

@@ -70,7 +70,7 @@ impl Change {
     /// Adds looks that come or leave.
     pub fn footprints(&mut self, footprints: &[Footprint]) {
         let places = footprints.iter().map(|look| {
-            let at = [look.longitude_e9, look.latitude_e9].map(|value| value as f64 * 1e-9);
+            let at = look.place_deg();
             (at, at)
         });
         self.looked.extend(places);
@@ -136,7 +136,7 @@ where
         }
         let seen = || {
             let all = reduce.sightings.iter();
-            all.filter(|seen| reduce.fold.counts(seen.first_ns))
+            all.filter(|seen| reduce.fold.counts(seen.first_ns()))
         };
         let (lines, areas) = reduce.meter.time(Stage::Reduce, || {
             (Groups::of_lines(seen()), Groups::of_areas(seen()))
@@ -379,7 +379,7 @@ where
         let rows = (self.rows_of)(&missing)?.into_rows().into_iter();
         self.rows
             .extend(missing.into_iter().map(|tile| (tile, Vec::new())));
-        for row in rows.filter(|row| self.reduce.fold.counts(row.first_ns)) {
+        for row in rows.filter(|row| self.reduce.fold.counts(row.first_ns())) {
             self.rows.entry(TileId(row.tile)).or_default().push(row);
         }
         Ok(())
@@ -419,7 +419,7 @@ where
         let tiles: BTreeSet<TileId> = tiles.collect();
         let looks = self.reduce.footprints.iter();
         looks
-            .filter(|look| self.reduce.fold.counts(look.stamp_ns))
+            .filter(|look| self.reduce.fold.counts(look.at_ns()))
             .filter(|look| tiles.contains(&TileId(look.tile)))
             .cloned()
             .collect()

@@ -88,6 +88,7 @@ pub(crate) fn judge(pieces: Vec<Piece<'_>>, fold: &Fold, meter: &Meter) -> Vec<C
 mod tests {
     use tilefold_reducers::FusionModel;
     use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
+    use tilefold_schemas::fixed::ONE_Q10;
     use tilefold_schemas::{Color, Element, ElementId, ElementKind, Marking, SignClass};
     use tilefold_tiler::tile::DEFAULT_LEVEL;
 
@@ -110,7 +111,6 @@ mod tests {
 
     /// What a vehicle says of a section of it: seen ten times, matched `hit` times.
     fn row(mapped: &MappedElement, vehicle: i64, hit: i32) -> EvidenceRow {
-        let one_fx = 1 << 24;
         EvidenceRow {
             tile: mapped.tile.0,
             element: mapped.element.id.0,
@@ -123,25 +123,25 @@ mod tests {
             model: 0,
             exposed: 10,
             hit,
-            sum_v_fx: 9 * one_fx,
-            sum_v2_fx: 8 * one_fx,
-            sum_v_miss_fx: i64::from(10 - hit) * one_fx,
-            sum_w_no_fx: one_fx,
-            sum_w_add_fx: 0,
-            sum_w_del_fx: one_fx,
-            sum_w_mod_fx: 0,
-            sum_w_fx: 2 * one_fx,
+            sum_v_q10: 9 * ONE_Q10,
+            sum_v2_q10: 8 * ONE_Q10,
+            sum_v_miss_q10: i64::from(10 - hit) * ONE_Q10,
+            sum_w_no_q10: ONE_Q10,
+            sum_w_add_q10: 0,
+            sum_w_del_q10: ONE_Q10,
+            sum_w_mod_q10: 0,
+            sum_w_q10: 2 * ONE_Q10,
             residuals: hit,
-            residual_eta_fx: i64::from(hit) * one_fx,
-            residual_lambda_fx: i64::from(hit) * 10 * one_fx,
-            residual_chi2_fx: one_fx,
-            along_eta_fx: 0,
-            along_lambda_fx: 0,
+            residual_eta_q10: i64::from(hit) * ONE_Q10,
+            residual_lambda_q10: i64::from(hit) * 10 * ONE_Q10,
+            residual_chi2_q10: ONE_Q10,
+            along_eta_q10: 0,
+            along_lambda_q10: 0,
             seen: [0; CLASS_BINS],
-            first_ns: vehicle * 1_000_000_000,
-            last_ns: vehicle * 1_000_000_000 + 1,
-            best_ns: vehicle * 1_000_000_000,
-            best_v_fx: one_fx,
+            first_ms: vehicle as i32 * 1_000,
+            last_ms: vehicle as i32 * 1_000 + 1,
+            best_ms: vehicle as i32 * 1_000,
+            best_v_q10: ONE_Q10,
         }
     }
 

@@ -135,8 +135,8 @@ fn add_paint(cells: &mut BTreeMap<Address, Cell>, geometry: &[u8]) {
 
 /// The cells ahead of a vehicle, as far and as wide as it looked.
 fn add_look(cells: &mut BTreeMap<Address, Cell>, look: &Footprint) {
-    let here = [look.longitude_e9, look.latitude_e9].map(|e9| e9 as f64 * 1e-9);
-    let yaw = f64::from(look.yaw_urad) * 1e-6;
+    let here = look.place_deg();
+    let yaw = look.yaw_rad();
     let (cos, sin) = (libm::cos(yaw), libm::sin(yaw));
     let scale = [DEGREE_M * libm::cos(here[1].to_radians()), DEGREE_M];
     let metres = |mm: i32| f64::from(mm) * 1e-3;
@@ -149,7 +149,7 @@ fn add_look(cells: &mut BTreeMap<Address, Cell>, look: &Footprint) {
             ];
             let cell = cells.entry(address(at)).or_default();
             cell.vehicles.insert(look.vehicle);
-            cell.last_ns = cell.last_ns.max(look.stamp_ns);
+            cell.last_ns = cell.last_ns.max(look.at_ns());
         }
     }
 }
@@ -274,16 +274,16 @@ mod tests {
             method: 0,
             model: 0,
             kinds: 0,
-            stamp_ns: 7_000_000_000,
-            longitude_e9: (longitude * 1e9) as i64,
-            latitude_e9: (latitude * 1e9) as i64,
-            yaw_urad: (yaw * 1e6) as i32,
+            at_ms: 7_000,
+            longitude_e7: (longitude * 1e7) as i32,
+            latitude_e7: (latitude * 1e7) as i32,
+            yaw_mrad: (yaw * 1e3) as i32,
             frames: 1,
             range_from_mm: 4_000,
             range_to_mm: 30_000,
             left_mm: 5_000,
             right_mm: -5_000,
-            v_fx: 0,
+            v_q10: 0,
         }
     }
 

@@ -1,7 +1,7 @@
 //! Areas that the map lacks: unexplained outlines of many frames joined into one place each; and where
 //! such would have been seen.
 
-use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
+use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION, to_window_ms};
 use tilefold_schemas::{ElementKind, Footprint, Sighting, fixed, wkb};
 use tilefold_tiler::tile::{TileError, tile_of};
 
@@ -12,7 +12,7 @@ use super::seen::SeenArea;
 use super::zone::AreaZone;
 use super::{Glimpse, Whose};
 use crate::footprint::open_road;
-use crate::sight::round_e9;
+use crate::sight::rounded_deg;
 
 /// A sighting in this many frames is one.
 const MIN_FRAMES: i32 = 3;
@@ -28,7 +28,7 @@ const SAMPLE_M: f64 = 5.0;
 struct Track {
     kind: ElementKind,
     frames: i32,
-    sum_v_fx: i64,
+    sum_v_q10: i64,
     weight: f64,
     corners: Vec<[f64; 2]>,
     centre: [f64; 2],
@@ -147,7 +147,7 @@ impl Track {
         Self {
             kind,
             frames: 0,
-            sum_v_fx: 0,
+            sum_v_q10: 0,
             weight: 0.0,
             corners: vec![[0.0; 2]; corners],
             centre: [0.0; 2],
@@ -171,7 +171,7 @@ impl Track {
         let weight = sigma_m.powi(-2);
         let stamp_ns = glimpse.look.pose.stamp_ns;
         self.frames += 1;
-        self.sum_v_fx += fixed::from_f64(glimpse.registration.confidence);
+        self.sum_v_q10 += fixed::to_q10(glimpse.registration.confidence);
         self.weight += weight;
         for (sum, corner) in self.corners.iter_mut().zip(corners) {
             *sum = [0, 1].map(|axis| sum[axis] + weight * corner[axis]);
@@ -198,7 +198,7 @@ impl Track {
             .map(|&corner| {
                 let [east_m, north_m] = self.mean(corner);
                 let [lon, lat, _] = whose.frame.to_wgs84([east_m, north_m, 0.0]);
-                [round_e9(lon), round_e9(lat), 0.0]
+                [rounded_deg(lon), rounded_deg(lat), 0.0]
             })
             .collect();
         let geometry = match self.kind {
@@ -215,13 +215,13 @@ impl Track {
             model: 0,
             kind: self.kind.code(),
             frames: self.frames,
-            sum_v_fx: self.sum_v_fx,
+            sum_v_q10: self.sum_v_q10,
             geometry,
-            lambda_fx: fixed::from_f64(f64::from(self.frames) / self.sum_variance),
+            lambda_q10: fixed::to_q10(f64::from(self.frames) / self.sum_variance),
             seen: self.seen,
-            first_ns: self.first_ns,
-            last_ns: self.last_ns,
-            best_ns: self.best_ns,
+            first_ms: to_window_ms(whose.chunk.window, self.first_ns),
+            last_ms: to_window_ms(whose.chunk.window, self.last_ns),
+            best_ms: to_window_ms(whose.chunk.window, self.best_ns),
         })
     }
 }
@@ -281,16 +281,16 @@ impl AreaFootprints {
                 method: METHOD_VERSION,
                 model: 0,
                 kinds: zone.kinds,
-                stamp_ns: sample.stamp_ns,
-                longitude_e9: (longitude_deg * 1e9).round() as i64,
-                latitude_e9: (latitude_deg * 1e9).round() as i64,
-                yaw_urad: (sample.yaw_rad.rem_euclid(std::f64::consts::TAU) * 1e6).round() as i32,
+                at_ms: to_window_ms(whose.chunk.window, sample.stamp_ns),
+                longitude_e7: (longitude_deg * 1e7).round() as i32,
+                latitude_e7: (latitude_deg * 1e7).round() as i32,
+                yaw_mrad: (sample.yaw_rad.rem_euclid(std::f64::consts::TAU) * 1e3).round() as i32,
                 frames: sample.frames,
                 range_from_mm: (zone.range_m.0 * 1e3) as i32,
                 range_to_mm: (zone.range_m.1 * 1e3) as i32,
                 left_mm: (zone.side_m * 1e3) as i32,
                 right_mm: (-zone.side_m * 1e3) as i32,
-                v_fx: fixed::from_f64(sample.sum_v / f64::from(sample.frames)),
+                v_q10: fixed::to_q10(sample.sum_v / f64::from(sample.frames)),
             })
         };
         self.samples.into_iter().map(row).collect()

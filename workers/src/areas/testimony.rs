@@ -106,7 +106,7 @@ impl<'a> AreaLedger<'a> {
             paper_sums(row, visibility, opinion(glimpse, local, pair, residual));
             match pair.zip(residual) {
                 Some((pair, residual)) => hit(row, glimpse, local, pair, residual),
-                None => row.sum_v_miss_fx += fixed::from_f64(visibility),
+                None => row.sum_v_miss_q10 += fixed::to_q10(visibility),
             }
         }
     }
@@ -190,9 +190,9 @@ fn hit(
     let (left_m, left_variance) = residual.towards(left);
     let (along_m, along_variance) = residual.towards(along);
     row.residuals += 1;
-    row.residual_eta_fx += fixed::from_f64(left_m / left_variance);
-    row.residual_lambda_fx += fixed::from_f64(1.0 / left_variance);
-    row.residual_chi2_fx += fixed::from_f64(left_m * left_m / left_variance);
-    row.along_eta_fx += fixed::from_f64(along_m / along_variance);
-    row.along_lambda_fx += fixed::from_f64(1.0 / along_variance);
+    row.residual_eta_q10 += fixed::to_q10(left_m / left_variance);
+    row.residual_lambda_q10 += fixed::to_q10(1.0 / left_variance);
+    row.residual_chi2_q10 += fixed::to_q10(left_m * left_m / left_variance);
+    row.along_eta_q10 += fixed::to_q10(along_m / along_variance);
+    row.along_lambda_q10 += fixed::to_q10(1.0 / along_variance);
 }

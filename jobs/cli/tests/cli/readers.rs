@@ -33,7 +33,7 @@ fn is_read(store: &Path) {
 fn other_programs_read_geometry_boxes_and_bounds() {
     let town = Town::new();
     is_read(&town.store("store", &town.city.logs));
-    let (_folder, store) = golden(3);
+    let (_folder, store) = golden(4);
     is_read(&store);
     // The canary: a store without boxes must be noticed.
     let (_folder, store) = golden(2);

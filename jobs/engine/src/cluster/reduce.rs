@@ -173,7 +173,7 @@ impl Worker {
         }
         let mut waiting = Waiting::of(tiles);
         base.each(TileFilter::Tiles(tiles), |rows: Vec<EvidenceRow>| {
-            let counting = rows.into_iter().filter(|row| fold.counts(row.first_ns));
+            let counting = rows.into_iter().filter(|row| fold.counts(row.first_ns()));
             counting.for_each(|row| waiting.add(row));
             if waiting.count > ROWS_AT_ONCE {
                 judge(waiting.whole());
@@ -216,7 +216,7 @@ fn by_tile(
     let mut by_tile: BTreeMap<TileId, Vec<EvidenceRow>> =
         tiles.iter().map(|&tile| (tile, Vec::new())).collect();
     let counting = rows.into_rows().into_iter();
-    for row in counting.filter(|row| fold.counts(row.first_ns)) {
+    for row in counting.filter(|row| fold.counts(row.first_ns())) {
         by_tile.entry(TileId(row.tile)).or_default().push(row);
     }
     by_tile

@@ -46,9 +46,9 @@ pub(super) fn is_in_view(known: &Known<'_>, looks: &[Footprint]) -> bool {
 /// Whether a place (degrees) is in the box ahead of the vehicle that a look covers.
 fn shows(look: &Footprint, [longitude_deg, latitude_deg]: [f64; 2]) -> bool {
     let shrink = latitude_deg.to_radians().cos();
-    let east_m = (longitude_deg - look.longitude_e9 as f64 * 1e-9) * METRES_PER_DEGREE * shrink;
-    let north_m = (latitude_deg - look.latitude_e9 as f64 * 1e-9) * METRES_PER_DEGREE;
-    let (sin, cos) = (f64::from(look.yaw_urad) * 1e-6).sin_cos();
+    let east_m = (longitude_deg - look.place_deg()[0]) * METRES_PER_DEGREE * shrink;
+    let north_m = (latitude_deg - look.place_deg()[1]) * METRES_PER_DEGREE;
+    let (sin, cos) = look.yaw_rad().sin_cos();
     let (ahead_m, left_m) = (cos * east_m + sin * north_m, -sin * east_m + cos * north_m);
     let metres = |mm: i32| f64::from(mm) * 1e-3;
     let range_m =
@@ -83,16 +83,16 @@ mod tests {
             window: 0,
             method: 1,
             model: 0,
-            stamp_ns: 0,
-            longitude_e9: 10_000_000_000,
-            latitude_e9: 50_000_000_000,
-            yaw_urad: 1_570_796,
+            at_ms: 0,
+            longitude_e7: 100_000_000,
+            latitude_e7: 500_000_000,
+            yaw_mrad: 1_571,
             frames: 1,
             range_from_mm: 3_000,
             range_to_mm: 20_000,
             left_mm: 6_000,
             right_mm: -4_000,
-            v_fx: 0,
+            v_q10: 0,
         };
         let north = |ahead_m: f64| 50.0 + ahead_m / METRES_PER_DEGREE;
         let east = |right_m: f64| 10.0 + right_m / (METRES_PER_DEGREE * 50_f64.to_radians().cos());
