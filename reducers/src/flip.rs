@@ -76,6 +76,13 @@ fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> Evidence
     let share = if see_it { SEEN } else { 0.0 };
     let hit = (share * f64::from(row.exposed)).round() as i32;
     let lambda_q10 = fixed::to_q10(f64::from(hit) * SIGMA_M.powi(-2));
+    let weights = [
+        row.sum_w_no_q10,
+        row.sum_w_add_q10,
+        row.sum_w_del_q10,
+        row.sum_w_mod_q10,
+    ];
+    let weight = weights.iter().sum::<i64>() as f64;
     let mut seen = [0; CLASS_BINS];
     let as_mapped = match mapped.element.kind {
         tilefold_schemas::ElementKind::LaneMarking => mapped.element.marking.code(),
@@ -87,7 +94,6 @@ fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> Evidence
     EvidenceRow {
         hit,
         seen,
-        residuals: hit,
         residual_eta_q10: 0,
         residual_lambda_q10: lambda_q10,
         along_eta_q10: 0,
@@ -96,9 +102,9 @@ fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> Evidence
         } else {
             0
         },
-        sum_w_no_q10: (share * row.sum_w_q10 as f64) as i64,
+        sum_w_no_q10: (share * weight) as i64,
         sum_w_add_q10: 0,
-        sum_w_del_q10: ((1.0 - share) * row.sum_w_q10 as f64) as i64,
+        sum_w_del_q10: ((1.0 - share) * weight) as i64,
         sum_w_mod_q10: 0,
         ..row.clone()
     }
@@ -112,8 +118,6 @@ fn newcomer(row: &EvidenceRow, number: i64, at_ns: i64) -> EvidenceRow {
         vehicle: tilefold_schemas::id::hash_text(&format!("newcomer {number}")),
         window,
         first_ms: at_ms,
-        last_ms: at_ms + (row.last_ms - row.first_ms),
-        best_ms: at_ms,
         ..row.clone()
     }
 }

@@ -208,8 +208,8 @@ mod tests {
             lambda_q10: 1,
             seen: Default::default(),
             first_ms: track,
-            last_ms: 100,
-            best_ms: 50,
+            last_after_ms: 100,
+            best_after_ms: 50,
         }
     }
 

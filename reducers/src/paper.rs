@@ -25,12 +25,12 @@ pub fn posterior(passes: &[Pass]) -> [f64; 4] {
 /// order cannot matter. A pass without weight says nothing.
 #[must_use]
 pub fn testimony(pass: &Pass) -> [i64; 4] {
-    let [no, add, del, modified, weight] = pass.paper_fx;
+    let weight: i64 = pass.paper_q10.iter().sum();
     if weight <= 0 {
         return [0; 4];
     }
-    [no, add, del, modified].map(|share_fx| {
-        let average = share_fx as f64 / weight as f64;
+    pass.paper_q10.map(|share_q10| {
+        let average = share_q10 as f64 / weight as f64;
         fixed::from_f64(libm::log(average + EPSILON))
     })
 }
@@ -50,7 +50,7 @@ mod tests {
     use tilefold_schemas::EvidenceRow;
     use tilefold_schemas::evidence::CLASS_BINS;
 
-    fn row(vehicle: i64, no: f64, del: f64, weight: f64) -> EvidenceRow {
+    fn row(vehicle: i64, no: f64, del: f64) -> EvidenceRow {
         EvidenceRow {
             tile: 0,
             element: 1,
@@ -64,23 +64,18 @@ mod tests {
             exposed: 10,
             hit: 5,
             sum_v_q10: fixed::to_q10(8.0),
-            sum_v2_q10: 0,
-            sum_v_miss_q10: 0,
             sum_w_no_q10: fixed::to_q10(no),
             sum_w_add_q10: 0,
             sum_w_del_q10: fixed::to_q10(del),
             sum_w_mod_q10: 0,
-            sum_w_q10: fixed::to_q10(weight),
-            residuals: 0,
             residual_eta_q10: 0,
             residual_lambda_q10: 0,
-            residual_chi2_q10: 0,
             along_eta_q10: 0,
             along_lambda_q10: 0,
             seen: [0; CLASS_BINS],
             first_ms: 0,
-            last_ms: 1,
-            best_ms: 0,
+            last_after_ms: 1,
+            best_after_ms: 0,
             best_v_q10: 0,
         }
     }
@@ -92,7 +87,7 @@ mod tests {
     #[test]
     fn two_vehicles_by_hand() {
         // e = [0.8, 0, 0.2, 0] and [0.5, 0, 0.5, 0]; the product of (e + 1e-6), normalised.
-        let found = posterior_of(&[row(1, 8.0, 2.0, 10.0), row(2, 2.0, 2.0, 4.0)]);
+        let found = posterior_of(&[row(1, 8.0, 2.0), row(2, 2.0, 2.0)]);
         let (a, b): (f64, f64) = (0.8 * 0.5, 0.2 * 0.5);
         assert!((found[0] - a / (a + b)).abs() < 1e-4, "{found:?}");
         assert!((found[2] - b / (a + b)).abs() < 1e-4, "{found:?}");
@@ -101,9 +96,9 @@ mod tests {
 
     #[test]
     fn one_contrary_vehicle_costs_nearly_fourteen_nats() {
-        let agreeing: Vec<EvidenceRow> = (0..5).map(|v| row(v, 1.0, 9.0, 10.0)).collect();
+        let agreeing: Vec<EvidenceRow> = (0..5).map(|v| row(v, 1.0, 9.0)).collect();
         let mut with_contrary = agreeing.clone();
-        with_contrary.push(row(9, 10.0, 0.0, 10.0));
+        with_contrary.push(row(9, 10.0, 0.0));
         let odds = |p: [f64; 4]| (p[2] / p[0]).ln();
         let cost = odds(posterior_of(&agreeing)) - odds(posterior_of(&with_contrary));
         assert!((cost - 1e6_f64.ln()).abs() < 1e-3, "{cost}");

@@ -19,8 +19,8 @@ pub struct Pass {
     pub hit: i64,
     /// Sum of visibility, fixed point.
     pub sum_v_q10: i64,
-    /// The paper's sums for no change, added, deleted, modified, and of the weights.
-    pub paper_fx: [i64; 5],
+    /// The paper's sums for no change, added, deleted, modified; together the weight.
+    pub paper_q10: [i64; 4],
     /// Information-weighted sum of residuals (1/m), their information (1/m^2), fixed point.
     pub residual_eta_q10: i64,
     /// Information of the residuals, fixed point.
@@ -47,12 +47,11 @@ impl Pass {
             exposed: i64::from(row.exposed),
             hit: i64::from(row.hit),
             sum_v_q10: row.sum_v_q10,
-            paper_fx: [
+            paper_q10: [
                 row.sum_w_no_q10,
                 row.sum_w_add_q10,
                 row.sum_w_del_q10,
                 row.sum_w_mod_q10,
-                row.sum_w_q10,
             ],
             residual_eta_q10: row.residual_eta_q10,
             residual_lambda_q10: row.residual_lambda_q10,
@@ -71,7 +70,7 @@ impl Pass {
         self.exposed += other.exposed;
         self.hit += other.hit;
         self.sum_v_q10 = self.sum_v_q10.saturating_add(other.sum_v_q10);
-        for (sum, value) in self.paper_fx.iter_mut().zip(other.paper_fx) {
+        for (sum, value) in self.paper_q10.iter_mut().zip(other.paper_q10) {
             *sum = sum.saturating_add(value);
         }
         self.residual_eta_q10 = self.residual_eta_q10.saturating_add(other.residual_eta_q10);

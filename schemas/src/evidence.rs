@@ -69,10 +69,6 @@ table! {
         pub hit: i32,
         /// Sum of the visibility over exposed frames.
         pub sum_v_q10: i64,
-        /// Sum of the squared visibility over exposed frames.
-        pub sum_v2_q10: i64,
-        /// Sum of the visibility over exposed frames without a match.
-        pub sum_v_miss_q10: i64,
         /// Paper Eq 14 to 18: weighted sum for "no change".
         pub sum_w_no_q10: i64,
         /// Weighted sum for "added".
@@ -81,17 +77,11 @@ table! {
         pub sum_w_del_q10: i64,
         /// Weighted sum for "modified".
         pub sum_w_mod_q10: i64,
-        /// Sum of the weights.
-        pub sum_w_q10: i64,
-        /// Residuals taken.
-        pub residuals: i32,
         /// Information-weighted sum of lateral residuals (positive to the left of the element's
         /// direction), in 1/m.
         pub residual_eta_q10: i64,
         /// Sum of the information of lateral residuals, in 1/m^2.
         pub residual_lambda_q10: i64,
-        /// Information-weighted sum of squared lateral residuals (dimensionless).
-        pub residual_chi2_q10: i64,
         /// Information-weighted sum of residuals along the element's direction, in 1/m; 0 for
         /// lane markings, which have no place along themselves.
         pub along_eta_q10: i64,
@@ -101,10 +91,10 @@ table! {
         pub seen: [i32; CLASS_BINS],
         /// First exposure, in milliseconds since the window began (`window * 60_000` after the Unix epoch).
         pub first_ms: i32,
-        /// Last exposure, likewise.
-        pub last_ms: i32,
-        /// The clearest frame, likewise; file and topic are found through the chunk.
-        pub best_ms: i32,
+        /// From the first exposure to the last, in milliseconds.
+        pub last_after_ms: i32,
+        /// From the first exposure to the clearest frame; file and topic are found through the chunk.
+        pub best_after_ms: i32,
         /// Visibility in the clearest frame.
         pub best_v_q10: i64,
     }
@@ -144,10 +134,10 @@ table! {
         pub seen: [i32; CLASS_BINS],
         /// First frame, in milliseconds since the window began.
         pub first_ms: i32,
-        /// Last frame, likewise.
-        pub last_ms: i32,
-        /// The clearest frame, likewise.
-        pub best_ms: i32,
+        /// From the first frame to the last, in milliseconds.
+        pub last_after_ms: i32,
+        /// From the first frame to the clearest, in milliseconds.
+        pub best_after_ms: i32,
     }
 }
 
@@ -171,10 +161,10 @@ table! {
         pub kinds: i16,
         /// Capture time of the sample, in milliseconds since the window began.
         pub at_ms: i32,
-        /// Registered position, longitude in 1e-7 degrees.
-        pub longitude_e7: i32,
-        /// Registered position, latitude in 1e-7 degrees.
-        pub latitude_e7: i32,
+        /// Registered position, longitude in 1e-6 degrees.
+        pub longitude_e6: i32,
+        /// Registered position, latitude in 1e-6 degrees.
+        pub latitude_e6: i32,
         /// Heading, counter-clockwise from east, in milliradians.
         pub yaw_mrad: i32,
         /// Frames that this sample stands for.
@@ -254,13 +244,19 @@ macro_rules! seen_at {
             /// Last frame.
             #[must_use]
             pub fn last_ns(&self) -> i64 {
-                from_window_ms(self.window, self.last_ms)
+                from_window_ms(
+                    self.window,
+                    self.first_ms.saturating_add(self.last_after_ms),
+                )
             }
 
             /// Clearest frame.
             #[must_use]
             pub fn best_ns(&self) -> i64 {
-                from_window_ms(self.window, self.best_ms)
+                from_window_ms(
+                    self.window,
+                    self.first_ms.saturating_add(self.best_after_ms),
+                )
             }
         }
     };
@@ -279,7 +275,7 @@ impl Footprint {
     /// Registered position: longitude and latitude in degrees.
     #[must_use]
     pub fn place_deg(&self) -> [f64; 2] {
-        [self.longitude_e7, self.latitude_e7].map(|e7| f64::from(e7) * 1e-7)
+        [self.longitude_e6, self.latitude_e6].map(|e6| f64::from(e6) * 1e-6)
     }
 
     /// Heading in radians, counter-clockwise from east.

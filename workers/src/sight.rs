@@ -260,6 +260,7 @@ impl Track {
                 [rounded_deg(longitude_deg), rounded_deg(latitude_deg), 0.0]
             })
             .collect();
+        let at_ms = |stamp_ns| to_window_ms(chunk.window, stamp_ns);
         Ok(Sighting {
             tile: tile_of(vertices[0][0], vertices[0][1], tile_level)?.0,
             vehicle: chunk.vehicle.0,
@@ -274,9 +275,9 @@ impl Track {
             geometry: wkb::line(&vertices),
             lambda_q10: fixed::to_q10(self.lambda / f64::from(self.frames)),
             seen: self.seen,
-            first_ms: to_window_ms(chunk.window, self.first_ns),
-            last_ms: to_window_ms(chunk.window, self.last_ns),
-            best_ms: to_window_ms(chunk.window, self.best_ns),
+            first_ms: at_ms(self.first_ns),
+            last_after_ms: at_ms(self.last_ns) - at_ms(self.first_ns),
+            best_after_ms: at_ms(self.best_ns) - at_ms(self.first_ns),
         })
     }
 }

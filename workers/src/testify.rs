@@ -124,9 +124,8 @@ impl<'a> Ledger<'a> {
             let row = self.row(mapped, &spot);
             expose(row.row, frame.look.pose.stamp_ns, visibility);
             paper_sums(row.row, visibility, opinion(matched));
-            match matched {
-                Some(pair) => hit(row, frame, pair),
-                None => row.row.sum_v_miss_q10 += fixed::to_q10(visibility),
+            if let Some(pair) = matched {
+                hit(row, frame, pair);
             }
         }
     }
@@ -207,39 +206,36 @@ pub(crate) fn empty_row(chunk: ChunkId, mapped: &MappedElement, section: u32) ->
         exposed: 0,
         hit: 0,
         sum_v_q10: 0,
-        sum_v2_q10: 0,
-        sum_v_miss_q10: 0,
         sum_w_no_q10: 0,
         sum_w_add_q10: 0,
         sum_w_del_q10: 0,
         sum_w_mod_q10: 0,
-        sum_w_q10: 0,
-        residuals: 0,
         residual_eta_q10: 0,
         residual_lambda_q10: 0,
-        residual_chi2_q10: 0,
         along_eta_q10: 0,
         along_lambda_q10: 0,
         seen: [0; CLASS_BINS],
-        first_ms: i32::MAX,
-        last_ms: i32::MIN,
-        best_ms: 0,
+        first_ms: 0,
+        last_after_ms: 0,
+        best_after_ms: 0,
         best_v_q10: -1,
     }
 }
 
-/// Counts an exposure.
+/// Counts an exposure; frames come in the order of time.
 pub(crate) fn expose(row: &mut EvidenceRow, stamp_ns: i64, visibility: f64) {
     let v_q10 = fixed::to_q10(visibility);
     row.exposed += 1;
     row.sum_v_q10 += v_q10;
-    row.sum_v2_q10 += fixed::to_q10(visibility * visibility);
     let at_ms = to_window_ms(row.window, stamp_ns);
-    row.first_ms = row.first_ms.min(at_ms);
-    row.last_ms = row.last_ms.max(at_ms);
+    if row.exposed == 1 {
+        row.first_ms = at_ms;
+    }
+    let after_ms = at_ms - row.first_ms;
+    row.last_after_ms = after_ms;
     if v_q10 > row.best_v_q10 {
         row.best_v_q10 = v_q10;
-        row.best_ms = at_ms;
+        row.best_after_ms = after_ms;
     }
 }
 
@@ -295,7 +291,6 @@ pub(crate) fn paper_sums(row: &mut EvidenceRow, visibility: f64, opinion: Opinio
     row.sum_w_add_q10 += weight((1.0 - score) * add);
     row.sum_w_del_q10 += weight((1.0 - score) * del);
     row.sum_w_mod_q10 += weight((1.0 - score) * modified);
-    row.sum_w_q10 += weight(1.0);
 }
 
 fn hit(
@@ -320,8 +315,6 @@ fn hit(
     let along = (tangent[0] * cos + tangent[1] * sin).signum();
     let residual_m = pair.residual_m * along;
     let variance = RESIDUAL_SIGMA_M.powi(2) + frame.registration.sigma_m.powi(2);
-    row.residuals += 1;
     row.residual_eta_q10 += fixed::to_q10(residual_m / variance);
     row.residual_lambda_q10 += fixed::to_q10(1.0 / variance);
-    row.residual_chi2_q10 += fixed::to_q10(residual_m * residual_m / variance);
 }

@@ -258,7 +258,7 @@ fn frames_whose_camera_cannot_be_used_are_set_aside_with_the_reason() {
     );
 }
 
-/// Visibility of each line's misses, summed over a chunk.
+/// Visibility of each line's misses, summed over a chunk: the mean of its looks for each that was missed.
 fn missed(recording: &Recording) -> [f64; 4] {
     let context = MapContext {
         map: map(&[-5.25, -1.75, 1.75, 5.25], flat),
@@ -268,7 +268,8 @@ fn missed(recording: &Recording) -> [f64; 4] {
     let chunk = chunk::cut(recording, VehicleKey(1), "/lanes", 0).unwrap();
     let mut missed = [0.0; 4];
     for row in map_chunk(&chunk, &context).unwrap().rows {
-        missed[row.element as usize] += fixed::from_q10(row.sum_v_miss_q10);
+        let share = 1.0 - f64::from(row.hit) / f64::from(row.exposed);
+        missed[row.element as usize] += share * fixed::from_q10(row.sum_v_q10);
     }
     missed
 }

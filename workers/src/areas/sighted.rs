@@ -205,6 +205,7 @@ impl Track {
             ElementKind::StopLine => wkb::line(&vertices),
             _ => wkb::polygon(&vertices),
         };
+        let at_ms = |stamp_ns| to_window_ms(whose.chunk.window, stamp_ns);
         Ok(Sighting {
             tile: tile_of(vertices[0][0], vertices[0][1], whose.tile_level)?.0,
             vehicle: whose.chunk.vehicle.0,
@@ -219,9 +220,9 @@ impl Track {
             geometry,
             lambda_q10: fixed::to_q10(f64::from(self.frames) / self.sum_variance),
             seen: self.seen,
-            first_ms: to_window_ms(whose.chunk.window, self.first_ns),
-            last_ms: to_window_ms(whose.chunk.window, self.last_ns),
-            best_ms: to_window_ms(whose.chunk.window, self.best_ns),
+            first_ms: at_ms(self.first_ns),
+            last_after_ms: at_ms(self.last_ns) - at_ms(self.first_ns),
+            best_after_ms: at_ms(self.best_ns) - at_ms(self.first_ns),
         })
     }
 }
@@ -282,8 +283,8 @@ impl AreaFootprints {
                 model: 0,
                 kinds: zone.kinds,
                 at_ms: to_window_ms(whose.chunk.window, sample.stamp_ns),
-                longitude_e7: (longitude_deg * 1e7).round() as i32,
-                latitude_e7: (latitude_deg * 1e7).round() as i32,
+                longitude_e6: (longitude_deg * 1e6).round() as i32,
+                latitude_e6: (latitude_deg * 1e6).round() as i32,
                 yaw_mrad: (sample.yaw_rad.rem_euclid(std::f64::consts::TAU) * 1e3).round() as i32,
                 frames: sample.frames,
                 range_from_mm: (zone.range_m.0 * 1e3) as i32,

@@ -104,9 +104,8 @@ impl<'a> AreaLedger<'a> {
             let row = row.or_insert_with(|| empty_row(chunk, local.mapped, 0));
             expose(row, stamp_ns, visibility);
             paper_sums(row, visibility, opinion(glimpse, local, pair, residual));
-            match pair.zip(residual) {
-                Some((pair, residual)) => hit(row, glimpse, local, pair, residual),
-                None => row.sum_v_miss_q10 += fixed::to_q10(visibility),
+            if let Some((pair, residual)) = pair.zip(residual) {
+                hit(row, glimpse, local, pair, residual);
             }
         }
     }
@@ -189,10 +188,8 @@ fn hit(
     let left = [-along[1], along[0]];
     let (left_m, left_variance) = residual.towards(left);
     let (along_m, along_variance) = residual.towards(along);
-    row.residuals += 1;
     row.residual_eta_q10 += fixed::to_q10(left_m / left_variance);
     row.residual_lambda_q10 += fixed::to_q10(1.0 / left_variance);
-    row.residual_chi2_q10 += fixed::to_q10(left_m * left_m / left_variance);
     row.along_eta_q10 += fixed::to_q10(along_m / along_variance);
     row.along_lambda_q10 += fixed::to_q10(1.0 / along_variance);
 }

@@ -141,7 +141,7 @@ fn formats_of_the_future_are_refused_in_a_sentence() {
     let (_folder, store) = filled();
     let file = Path::new(&store.location()).join("tilefold.json");
     let text = fs::read_to_string(&file).unwrap();
-    for (version, word) in [(FORMAT_VERSION + 1, "newer"), (1, "older")] {
+    for (version, word) in [(FORMAT_VERSION + 1, "newer"), (1, "anew")] {
         let other = text.replace(
             &format!("\"format_version\": {FORMAT_VERSION}"),
             &format!("\"format_version\": {version}"),
