@@ -26,9 +26,9 @@ const KEYS: [&str; 2] = ["element", "section"];
 const SUMS: [&str; 5] = [
     "exposed",
     "hit",
-    "sum_v_q10",
-    "residual_eta_q10",
-    "residual_lambda_q10",
+    "sum_v_q8",
+    "residual_eta_q8",
+    "residual_lambda_q8",
 ];
 const BATCH_ROWS: usize = 8192;
 

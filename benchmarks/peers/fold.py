@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 ROW_GROUP = 128 * 1024
 PASSES, SECTIONS, IN_TILE = 25, 3, 500
-SUMS = ["exposed", "hit", "sum_v_q10", "residual_eta_q10", "residual_lambda_q10"]
+SUMS = ["exposed", "hit", "sum_v_q8", "residual_eta_q8", "residual_lambda_q8"]
 
 
 def block(first_element, elements, lot):
@@ -44,9 +44,9 @@ def block(first_element, elements, lot):
         "vehicle": lot.integers(-(2**62), 2**62, PASSES).repeat(1)[np.tile(np.arange(PASSES), elements * SECTIONS)],
         "exposed": np.full(rows, 10, np.int32),
         "hit": hit,
-        "sum_v_q10": visibility,
-        "residual_eta_q10": (lot.normal(0, 0.1, rows) * hit * 25 * 2**24).astype(np.int64),
-        "residual_lambda_q10": hit.astype(np.int64) * (25 << 24),
+        "sum_v_q8": visibility,
+        "residual_eta_q8": (lot.normal(0, 0.1, rows) * hit * 25 * 2**24).astype(np.int64),
+        "residual_lambda_q8": hit.astype(np.int64) * (25 << 24),
     }
     table = pa.table(columns)
     # No column of the ledger has nulls.

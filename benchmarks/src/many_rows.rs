@@ -9,7 +9,7 @@ use std::error::Error;
 use std::path::Path;
 
 use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION, WINDOW_NS, to_window_ms};
-use tilefold_schemas::fixed::ONE_Q10;
+use tilefold_schemas::fixed::ONE_Q8;
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::{
     Color, Element, ElementId, ElementKind, EvidenceRow, Marking, SignClass, TileId, wkb,
@@ -102,8 +102,8 @@ fn to_row(mapped: &MappedElement) -> ElementRow {
 /// What one vehicle says of a section: ten looks, nine matches, 5 cm off to one side or the other.
 fn row(mapped: &MappedElement, pass: i64, section: i32) -> EvidenceRow {
     let lot = (mapped.element.id.0 * 31 + pass * 7 + i64::from(section)) % 11;
-    let lambda_q10 = 100 * ONE_Q10;
-    let residual_q10 = (lot - 5) * ONE_Q10 / 100;
+    let lambda_q8 = 100 * ONE_Q8;
+    let residual_q8 = (lot - 5) * ONE_Q8 / 100;
     let at_ns = BEGIN_NS + (pass * 3_600 + mapped.element.id.0 % 3_600) * SECOND_NS;
     let window = at_ns.div_euclid(WINDOW_NS);
     let mut seen = [0; CLASS_BINS];
@@ -121,19 +121,19 @@ fn row(mapped: &MappedElement, pass: i64, section: i32) -> EvidenceRow {
         model: 0,
         exposed: 10,
         hit: 9,
-        sum_v_q10: 9 * ONE_Q10 + lot,
-        sum_w_no_q10: 9 * ONE_Q10,
-        sum_w_add_q10: 0,
-        sum_w_del_q10: ONE_Q10,
-        sum_w_mod_q10: 0,
-        residual_eta_q10: residual_q10 * 100,
-        residual_lambda_q10: lambda_q10,
-        along_eta_q10: 0,
-        along_lambda_q10: 0,
+        sum_v_q8: 9 * ONE_Q8 + lot,
+        sum_w_no_q8: 9 * ONE_Q8,
+        sum_w_add_q8: 0,
+        sum_w_del_q8: ONE_Q8,
+        sum_w_mod_q8: 0,
+        residual_eta_q8: residual_q8 * 100,
+        residual_lambda_q8: lambda_q8,
+        along_eta_q8: 0,
+        along_lambda_q8: 0,
         seen,
         first_ms: to_window_ms(window, at_ns),
         last_after_ms: 1_000,
         best_after_ms: 500,
-        best_v_q10: ONE_Q10,
+        best_v_q8: ONE_Q8,
     }
 }

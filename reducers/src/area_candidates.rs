@@ -169,7 +169,7 @@ impl<'a> Seen<'a> {
     }
 
     fn weight(&self) -> f64 {
-        fixed::from_q10(self.sighting.lambda_q10).max(1e-6)
+        fixed::from_q8(self.sighting.lambda_q8).max(1e-6)
     }
 }
 
@@ -335,7 +335,7 @@ impl<'s, 'a> Candidate<'s, 'a> {
         let earliest = self.members[0].sighting;
         let best = self.members.iter().map(|m| m.sighting).max_by_key(|s| {
             let order = std::cmp::Reverse((s.first_ns(), s.vehicle, s.track));
-            (s.sum_v_q10, order)
+            (s.sum_v_q8, order)
         })?;
         let looks = || looked.values();
         let length_m = Polyline::of_element(&vertices).map_or(0.0, |(_, line)| line.length_m());
@@ -404,7 +404,7 @@ impl<'s, 'a> Candidate<'s, 'a> {
 fn reference<'s, 'a>(members: &'s [&'s Seen<'a>]) -> &'s Seen<'a> {
     let mut best = members[0];
     for &member in members {
-        if member.sighting.lambda_q10 > best.sighting.lambda_q10 {
+        if member.sighting.lambda_q8 > best.sighting.lambda_q8 {
             best = member;
         }
     }
@@ -476,8 +476,7 @@ impl<'a> AreaLooks<'a> {
         let mut looks: BTreeMap<i64, Look> = BTreeMap::new();
         for member in candidate.members {
             let sighting = member.sighting;
-            let visibility =
-                fixed::from_q10(sighting.sum_v_q10) / f64::from(sighting.frames.max(1));
+            let visibility = fixed::from_q8(sighting.sum_v_q8) / f64::from(sighting.frames.max(1));
             add(
                 &mut looks,
                 sighting.vehicle,
@@ -501,7 +500,7 @@ impl<'a> AreaLooks<'a> {
                     &mut looks,
                     footprint.vehicle,
                     Look {
-                        visibility: fixed::from_q10(footprint.v_q10),
+                        visibility: fixed::from_q8(footprint.v_q8),
                         frames: i64::from(footprint.frames),
                         first_ns: footprint.at_ns(),
                         last_ns: footprint.at_ns(),

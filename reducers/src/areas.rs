@@ -171,10 +171,10 @@ fn weigh(passes: &[Pass], kind: ElementKind, class: SignClass) -> (Claims, Vec<[
     let sum = |of: usize| fixed::to_f64(seen.iter().map(|nats_fx| nats_fx[of]).sum());
     let [gone, there] = [sum(0), sum(1)];
     let left = Place::new(passes, |pass| {
-        residual(pass, pass.residual_eta_q10, pass.residual_lambda_q10)
+        residual(pass, pass.residual_eta_q8, pass.residual_lambda_q8)
     });
     let along = Place::new(passes, |pass| {
-        residual(pass, pass.along_eta_q10, pass.along_lambda_q10)
+        residual(pass, pass.along_eta_q8, pass.along_lambda_q8)
     });
     let mapped_class = Some(class).filter(|_| kind == ElementKind::GroundSign);
     let read = Readings::new(passes, mapped_class);
@@ -256,11 +256,11 @@ fn beta_binomial(hits: f64, frames: f64, (mean, concentration): (f64, f64)) -> f
 
 /// Mean residual of a pass and its standard deviation. A pass's errors are the same in all of its
 /// frames: its information is that of one.
-fn residual(pass: &Pass, eta_q10: i64, lambda_q10: i64) -> Option<(f64, f64)> {
-    (pass.hit > 0 && lambda_q10 > 0).then(|| {
-        let variance = pass.hit as f64 / fixed::from_q10(lambda_q10);
+fn residual(pass: &Pass, eta_q8: i64, lambda_q8: i64) -> Option<(f64, f64)> {
+    (pass.hit > 0 && lambda_q8 > 0).then(|| {
+        let variance = pass.hit as f64 / fixed::from_q8(lambda_q8);
         (
-            eta_q10 as f64 / lambda_q10 as f64,
+            eta_q8 as f64 / lambda_q8 as f64,
             variance.sqrt().hypot(PASS_SIGMA_M),
         )
     })
@@ -476,20 +476,20 @@ mod tests {
             model: 0,
             exposed: 10,
             hit: hits,
-            sum_v_q10: fixed::to_q10(9.5),
-            sum_w_no_q10: 0,
-            sum_w_add_q10: 0,
-            sum_w_del_q10: 0,
-            sum_w_mod_q10: 0,
-            residual_eta_q10: fixed::to_q10(left_m * information(0.25)),
-            residual_lambda_q10: fixed::to_q10(information(0.25)),
-            along_eta_q10: fixed::to_q10(along_m * information(0.7)),
-            along_lambda_q10: fixed::to_q10(information(0.7)),
+            sum_v_q8: fixed::to_q8(9.5),
+            sum_w_no_q8: 0,
+            sum_w_add_q8: 0,
+            sum_w_del_q8: 0,
+            sum_w_mod_q8: 0,
+            residual_eta_q8: fixed::to_q8(left_m * information(0.25)),
+            residual_lambda_q8: fixed::to_q8(information(0.25)),
+            along_eta_q8: fixed::to_q8(along_m * information(0.7)),
+            along_lambda_q8: fixed::to_q8(information(0.7)),
             seen,
             first_ms: vehicle as i32 * 100_000,
             last_after_ms: 1_000,
             best_after_ms: 0,
-            best_v_q10: 0,
+            best_v_q8: 0,
         }
     }
 

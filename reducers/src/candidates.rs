@@ -128,7 +128,7 @@ fn judge_component(
 fn plane_vertices(component: &[&Sighting], frame: &LocalFrame) -> Vec<Vertex> {
     let mut vertices = Vec::new();
     for (index, sighting) in component.iter().enumerate() {
-        let visibility = fixed::from_q10(sighting.sum_v_q10) / f64::from(sighting.frames.max(1));
+        let visibility = fixed::from_q8(sighting.sum_v_q8) / f64::from(sighting.frames.max(1));
         let points: Vec<[f64; 2]> = vertices_of(sighting)
             .iter()
             .map(|&[lon, lat, _]| {
@@ -255,7 +255,7 @@ fn visibility(footprint: &Footprint, place: [f64; 2], frame: &LocalFrame) -> Opt
         && ahead_m <= metres(footprint.range_to_mm) + RANGE_SLACK_M;
     let in_reach = metres(footprint.right_mm) <= left_m && left_m <= metres(footprint.left_mm);
     let side = side_visibility(left_m);
-    (in_range && in_reach).then(|| side * fixed::from_q10(footprint.v_q10))
+    (in_range && in_reach).then(|| side * fixed::from_q8(footprint.v_q8))
 }
 
 /// Splits a followed line into sections, judges each against the looks, and makes a record of
@@ -406,7 +406,7 @@ fn record(
         .map(|&index| component[index])
         .max_by_key(|s| {
             (
-                s.sum_v_q10,
+                s.sum_v_q8,
                 std::cmp::Reverse((s.first_ns(), s.vehicle, s.track)),
             )
         })?;

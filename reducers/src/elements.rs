@@ -180,10 +180,10 @@ fn stretches(judged: &[Judged], sections: &[Vec<Pass>], quorum: usize) -> Vec<St
 pub(crate) fn vehicles(sections: &[Vec<Pass>], (from, to): (usize, usize)) -> BTreeSet<i64> {
     let mut looks: BTreeMap<i64, i64> = BTreeMap::new();
     for pass in sections[from..to].iter().flatten() {
-        *looks.entry(pass.vehicle).or_default() += pass.sum_v_q10;
+        *looks.entry(pass.vehicle).or_default() += pass.sum_v_q8;
     }
-    let enough = fixed::to_q10(MIN_LOOK);
-    looks.retain(|_, sum_v_q10| *sum_v_q10 >= enough);
+    let enough = fixed::to_q8(MIN_LOOK);
+    looks.retain(|_, sum_v_q8| *sum_v_q8 >= enough);
     looks.into_keys().collect()
 }
 
@@ -228,7 +228,7 @@ pub(crate) fn record(
     let passes: Vec<&Pass> = sections[from..to].iter().flatten().collect();
     let best = passes.iter().max_by_key(|pass| {
         (
-            pass.sum_v_q10,
+            pass.sum_v_q8,
             std::cmp::Reverse((pass.vehicle, pass.best_ns)),
         )
     });

@@ -41,7 +41,7 @@ pub fn flip(
     record: &ChangeRecord,
 ) -> Option<Flip> {
     let of_now = || rows.iter().filter(|row| row.content == mapped.content.0);
-    let clearest = of_now().max_by_key(|row| (row.sum_v_q10, row.vehicle, row.window))?;
+    let clearest = of_now().max_by_key(|row| (row.sum_v_q8, row.vehicle, row.window))?;
     let last_ns = of_now().map(|row| row.last_ns()).max()?;
     let see_it = record.verdict != Verdict::NoChange.code();
     let template: Vec<EvidenceRow> = of_now()
@@ -75,12 +75,12 @@ pub fn flip(
 fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> EvidenceRow {
     let share = if see_it { SEEN } else { 0.0 };
     let hit = (share * f64::from(row.exposed)).round() as i32;
-    let lambda_q10 = fixed::to_q10(f64::from(hit) * SIGMA_M.powi(-2));
+    let lambda_q8 = fixed::to_q8(f64::from(hit) * SIGMA_M.powi(-2));
     let weights = [
-        row.sum_w_no_q10,
-        row.sum_w_add_q10,
-        row.sum_w_del_q10,
-        row.sum_w_mod_q10,
+        row.sum_w_no_q8,
+        row.sum_w_add_q8,
+        row.sum_w_del_q8,
+        row.sum_w_mod_q8,
     ];
     let weight = weights.iter().sum::<i64>() as f64;
     let mut seen = [0; CLASS_BINS];
@@ -94,18 +94,18 @@ fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> Evidence
     EvidenceRow {
         hit,
         seen,
-        residual_eta_q10: 0,
-        residual_lambda_q10: lambda_q10,
-        along_eta_q10: 0,
-        along_lambda_q10: if row.along_lambda_q10 > 0 {
-            lambda_q10
+        residual_eta_q8: 0,
+        residual_lambda_q8: lambda_q8,
+        along_eta_q8: 0,
+        along_lambda_q8: if row.along_lambda_q8 > 0 {
+            lambda_q8
         } else {
             0
         },
-        sum_w_no_q10: (share * weight) as i64,
-        sum_w_add_q10: 0,
-        sum_w_del_q10: ((1.0 - share) * weight) as i64,
-        sum_w_mod_q10: 0,
+        sum_w_no_q8: (share * weight) as i64,
+        sum_w_add_q8: 0,
+        sum_w_del_q8: ((1.0 - share) * weight) as i64,
+        sum_w_mod_q8: 0,
         ..row.clone()
     }
 }

@@ -25,12 +25,12 @@ pub fn posterior(passes: &[Pass]) -> [f64; 4] {
 /// order cannot matter. A pass without weight says nothing.
 #[must_use]
 pub fn testimony(pass: &Pass) -> [i64; 4] {
-    let weight: i64 = pass.paper_q10.iter().sum();
+    let weight: i64 = pass.paper_q8.iter().sum();
     if weight <= 0 {
         return [0; 4];
     }
-    pass.paper_q10.map(|share_q10| {
-        let average = share_q10 as f64 / weight as f64;
+    pass.paper_q8.map(|share_q8| {
+        let average = share_q8 as f64 / weight as f64;
         fixed::from_f64(libm::log(average + EPSILON))
     })
 }
@@ -63,20 +63,20 @@ mod tests {
             model: 0,
             exposed: 10,
             hit: 5,
-            sum_v_q10: fixed::to_q10(8.0),
-            sum_w_no_q10: fixed::to_q10(no),
-            sum_w_add_q10: 0,
-            sum_w_del_q10: fixed::to_q10(del),
-            sum_w_mod_q10: 0,
-            residual_eta_q10: 0,
-            residual_lambda_q10: 0,
-            along_eta_q10: 0,
-            along_lambda_q10: 0,
+            sum_v_q8: fixed::to_q8(8.0),
+            sum_w_no_q8: fixed::to_q8(no),
+            sum_w_add_q8: 0,
+            sum_w_del_q8: fixed::to_q8(del),
+            sum_w_mod_q8: 0,
+            residual_eta_q8: 0,
+            residual_lambda_q8: 0,
+            along_eta_q8: 0,
+            along_lambda_q8: 0,
             seen: [0; CLASS_BINS],
             first_ms: 0,
             last_after_ms: 1,
             best_after_ms: 0,
-            best_v_q10: 0,
+            best_v_q8: 0,
         }
     }
 

@@ -18,17 +18,17 @@ pub struct Pass {
     /// Exposed frames with a match.
     pub hit: i64,
     /// Sum of visibility, fixed point.
-    pub sum_v_q10: i64,
+    pub sum_v_q8: i64,
     /// The paper's sums for no change, added, deleted, modified; together the weight.
-    pub paper_q10: [i64; 4],
+    pub paper_q8: [i64; 4],
     /// Information-weighted sum of residuals (1/m), their information (1/m^2), fixed point.
-    pub residual_eta_q10: i64,
+    pub residual_eta_q8: i64,
     /// Information of the residuals, fixed point.
-    pub residual_lambda_q10: i64,
+    pub residual_lambda_q8: i64,
     /// The same of residuals along the element: sum (1/m), information (1/m^2), fixed point.
-    pub along_eta_q10: i64,
+    pub along_eta_q8: i64,
     /// Information of the residuals along the element, fixed point.
-    pub along_lambda_q10: i64,
+    pub along_lambda_q8: i64,
     /// Observed classes.
     pub seen: [i32; CLASS_BINS],
     /// First exposure.
@@ -37,7 +37,7 @@ pub struct Pass {
     pub last_ns: i64,
     /// Clearest frame.
     pub best_ns: i64,
-    best_v_q10: i64,
+    best_v_q8: i64,
 }
 
 impl Pass {
@@ -46,22 +46,22 @@ impl Pass {
             vehicle: row.vehicle,
             exposed: i64::from(row.exposed),
             hit: i64::from(row.hit),
-            sum_v_q10: row.sum_v_q10,
-            paper_q10: [
-                row.sum_w_no_q10,
-                row.sum_w_add_q10,
-                row.sum_w_del_q10,
-                row.sum_w_mod_q10,
+            sum_v_q8: row.sum_v_q8,
+            paper_q8: [
+                row.sum_w_no_q8,
+                row.sum_w_add_q8,
+                row.sum_w_del_q8,
+                row.sum_w_mod_q8,
             ],
-            residual_eta_q10: row.residual_eta_q10,
-            residual_lambda_q10: row.residual_lambda_q10,
-            along_eta_q10: row.along_eta_q10,
-            along_lambda_q10: row.along_lambda_q10,
+            residual_eta_q8: row.residual_eta_q8,
+            residual_lambda_q8: row.residual_lambda_q8,
+            along_eta_q8: row.along_eta_q8,
+            along_lambda_q8: row.along_lambda_q8,
             seen: row.seen,
             first_ns: row.first_ns(),
             last_ns: row.last_ns(),
             best_ns: row.best_ns(),
-            best_v_q10: row.best_v_q10,
+            best_v_q8: row.best_v_q8,
         }
     }
 
@@ -69,24 +69,24 @@ impl Pass {
     pub fn merge(&mut self, other: &Self) {
         self.exposed += other.exposed;
         self.hit += other.hit;
-        self.sum_v_q10 = self.sum_v_q10.saturating_add(other.sum_v_q10);
-        for (sum, value) in self.paper_q10.iter_mut().zip(other.paper_q10) {
+        self.sum_v_q8 = self.sum_v_q8.saturating_add(other.sum_v_q8);
+        for (sum, value) in self.paper_q8.iter_mut().zip(other.paper_q8) {
             *sum = sum.saturating_add(value);
         }
-        self.residual_eta_q10 = self.residual_eta_q10.saturating_add(other.residual_eta_q10);
-        self.residual_lambda_q10 = self
-            .residual_lambda_q10
-            .saturating_add(other.residual_lambda_q10);
-        self.along_eta_q10 = self.along_eta_q10.saturating_add(other.along_eta_q10);
-        self.along_lambda_q10 = self.along_lambda_q10.saturating_add(other.along_lambda_q10);
+        self.residual_eta_q8 = self.residual_eta_q8.saturating_add(other.residual_eta_q8);
+        self.residual_lambda_q8 = self
+            .residual_lambda_q8
+            .saturating_add(other.residual_lambda_q8);
+        self.along_eta_q8 = self.along_eta_q8.saturating_add(other.along_eta_q8);
+        self.along_lambda_q8 = self.along_lambda_q8.saturating_add(other.along_lambda_q8);
         for (sum, value) in self.seen.iter_mut().zip(other.seen) {
             *sum = sum.saturating_add(value);
         }
         self.first_ns = self.first_ns.min(other.first_ns);
         self.last_ns = self.last_ns.max(other.last_ns);
         // Clearest frame; the earlier of equals, so that order does not matter.
-        if (other.best_v_q10, -other.best_ns) > (self.best_v_q10, -self.best_ns) {
-            self.best_v_q10 = other.best_v_q10;
+        if (other.best_v_q8, -other.best_ns) > (self.best_v_q8, -self.best_ns) {
+            self.best_v_q8 = other.best_v_q8;
             self.best_ns = other.best_ns;
         }
     }
@@ -94,7 +94,7 @@ impl Pass {
     /// Mean visibility in `[0, 1]`.
     #[must_use]
     pub fn visibility(&self) -> f64 {
-        fixed::from_q10(self.sum_v_q10) / self.exposed.max(1) as f64
+        fixed::from_q8(self.sum_v_q8) / self.exposed.max(1) as f64
     }
 
     /// The class or marking read most, the lower code of equals; none if none was recognised.
@@ -107,8 +107,8 @@ impl Pass {
     /// Mean lateral residual in metres, positive to the left of the element; none without a hit.
     #[must_use]
     pub fn residual_m(&self) -> Option<f64> {
-        (self.residual_lambda_q10 > 0)
-            .then(|| self.residual_eta_q10 as f64 / self.residual_lambda_q10 as f64)
+        (self.residual_lambda_q8 > 0)
+            .then(|| self.residual_eta_q8 as f64 / self.residual_lambda_q8 as f64)
     }
 }
 

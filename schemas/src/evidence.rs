@@ -42,7 +42,7 @@ pub const CLASS_BINS: usize = 13;
 table! {
     /// What one chunk of one vehicle's drive says about one section of one element.
     ///
-    /// Fixed-point fields (`*_q10`) are in units of 2^-10; see [`crate::fixed`].
+    /// Fixed-point fields (`*_q8`) are in units of 2^-8; see [`crate::fixed`].
     #[derive(Eq, PartialOrd, Ord)]
     pub struct EvidenceRow in "evidence" {
         /// Owner tile of the element.
@@ -68,25 +68,25 @@ table! {
         /// Exposed frames in which it was matched.
         pub hit: i32,
         /// Sum of the visibility over exposed frames.
-        pub sum_v_q10: i64,
+        pub sum_v_q8: i64,
         /// Paper Eq 14 to 18: weighted sum for "no change".
-        pub sum_w_no_q10: i64,
+        pub sum_w_no_q8: i64,
         /// Weighted sum for "added".
-        pub sum_w_add_q10: i64,
+        pub sum_w_add_q8: i64,
         /// Weighted sum for "deleted".
-        pub sum_w_del_q10: i64,
+        pub sum_w_del_q8: i64,
         /// Weighted sum for "modified".
-        pub sum_w_mod_q10: i64,
+        pub sum_w_mod_q8: i64,
         /// Information-weighted sum of lateral residuals (positive to the left of the element's
         /// direction), in 1/m.
-        pub residual_eta_q10: i64,
+        pub residual_eta_q8: i64,
         /// Sum of the information of lateral residuals, in 1/m^2.
-        pub residual_lambda_q10: i64,
+        pub residual_lambda_q8: i64,
         /// Information-weighted sum of residuals along the element's direction, in 1/m; 0 for
         /// lane markings, which have no place along themselves.
-        pub along_eta_q10: i64,
+        pub along_eta_q8: i64,
         /// Sum of the information of residuals along it, in 1/m^2.
-        pub along_lambda_q10: i64,
+        pub along_lambda_q8: i64,
         /// How often each marking type or sign class was observed.
         pub seen: [i32; CLASS_BINS],
         /// First exposure, in milliseconds since the window began (`window * 60_000` after the Unix epoch).
@@ -96,7 +96,7 @@ table! {
         /// From the first exposure to the clearest frame; file and topic are found through the chunk.
         pub best_after_ms: i32,
         /// Visibility in the clearest frame.
-        pub best_v_q10: i64,
+        pub best_v_q8: i64,
     }
 }
 
@@ -123,13 +123,13 @@ table! {
         /// Frames that saw it.
         pub frames: i32,
         /// Sum of the visibility over these frames.
-        pub sum_v_q10: i64,
+        pub sum_v_q8: i64,
         /// A line's vertices about every 2 m, or the outline of an area (WKB `LineString` or
         /// `Polygon` with z 0, CRS84, rounded to 2^-26 degrees, 1.7 mm).
         pub geometry: Vec<u8>,
         /// Lateral information per vertex, 1/m^2, averaged over vertices; of an area, that of its
         /// place along the road.
-        pub lambda_q10: i64,
+        pub lambda_q8: i64,
         /// How often each marking type or sign class was observed.
         pub seen: [i32; CLASS_BINS],
         /// First frame, in milliseconds since the window began.
@@ -178,7 +178,7 @@ table! {
         /// Right reach, in millimetres (right is negative).
         pub right_mm: i32,
         /// Mean visibility.
-        pub v_q10: i64,
+        pub v_q8: i64,
     }
 }
 

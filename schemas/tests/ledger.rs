@@ -11,7 +11,7 @@ use tilefold_schemas::{ChunkId, EvidenceRow, Footprint, Ledger, Testified, TileI
 fn row() -> impl Strategy<Value = EvidenceRow> {
     let place = (0..3_i32, 0..3_i64, 0..2_i32);
     let chunk = (0..4_i64, 0..2_i64, 0..3_i64);
-    (place, chunk, 0..3_i32, any::<i64>()).prop_map(|(place, chunk, hit, eta_q10)| EvidenceRow {
+    (place, chunk, 0..3_i32, any::<i64>()).prop_map(|(place, chunk, hit, eta_q8)| EvidenceRow {
         tile: place.0,
         element: place.1,
         content: 0,
@@ -23,20 +23,20 @@ fn row() -> impl Strategy<Value = EvidenceRow> {
         model: 0,
         exposed: 3,
         hit,
-        sum_v_q10: 0,
-        sum_w_no_q10: 0,
-        sum_w_add_q10: 0,
-        sum_w_del_q10: 0,
-        sum_w_mod_q10: 0,
-        residual_eta_q10: eta_q10,
-        residual_lambda_q10: 0,
-        along_eta_q10: 0,
-        along_lambda_q10: 0,
+        sum_v_q8: 0,
+        sum_w_no_q8: 0,
+        sum_w_add_q8: 0,
+        sum_w_del_q8: 0,
+        sum_w_mod_q8: 0,
+        residual_eta_q8: eta_q8,
+        residual_lambda_q8: 0,
+        along_eta_q8: 0,
+        along_lambda_q8: 0,
         seen: [hit; CLASS_BINS],
         first_ms: 0,
         last_after_ms: 1,
         best_after_ms: 0,
-        best_v_q10: 0,
+        best_v_q8: 0,
     })
 }
 
@@ -121,7 +121,7 @@ fn footprints_lie_by_time() {
         range_to_mm: 0,
         left_mm: 0,
         right_mm: 0,
-        v_q10: 0,
+        v_q8: 0,
     };
     // Two looks at one time, for lines and for areas, are two.
     let ledger = Ledger::of(vec![

@@ -139,7 +139,7 @@ fn the_map_is_drawn_on_the_paint() {
     let chunk = chunks.iter().max_by_key(|chunk| chunk.frames).unwrap();
     let clearest = evidence
         .iter()
-        .max_by_key(|row| (row.best_v_q10, row.first_ms));
+        .max_by_key(|row| (row.best_v_q8, row.first_ms));
     let frame = Frame {
         stamp_ns: clearest.unwrap().best_ns(),
         log: Some(chunk.log.clone()),

@@ -13,7 +13,7 @@ use crate::testify::{Frame, MIN_CONFIDENCE};
 use crate::visibility::Zone;
 
 /// Way between samples, in metres.
-const SAMPLE_M: f64 = 5.0;
+const SAMPLE_M: f64 = 8.0;
 /// Where vehicles are looked for before lines, to the left in metres.
 const SIDES_M: [f64; 4] = [-5.0, -1.75, 1.75, 5.0];
 
@@ -101,7 +101,7 @@ impl Footprints {
                 range_to_mm: (to_m * 1e3) as i32,
                 left_mm: (FAR_SIDE_M * 1e3) as i32,
                 right_mm: (-FAR_SIDE_M * 1e3) as i32,
-                v_q10: fixed::to_q10(sample.sum_v / f64::from(sample.frames)),
+                v_q8: fixed::to_q8(sample.sum_v / f64::from(sample.frames)),
             })
         };
         self.samples.into_iter().map(row).collect()

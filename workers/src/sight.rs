@@ -46,7 +46,7 @@ impl Bin {
 struct Track {
     bins: BTreeMap<i64, Bin>,
     frames: i32,
-    sum_v_q10: i64,
+    sum_v_q8: i64,
     lambda: f64,
     seen: [i32; CLASS_BINS],
     first_ns: i64,
@@ -202,7 +202,7 @@ impl Track {
         Self {
             bins: BTreeMap::new(),
             frames: 0,
-            sum_v_q10: 0,
+            sum_v_q8: 0,
             lambda: 0.0,
             seen: [0; CLASS_BINS],
             first_ns: stamp_ns,
@@ -227,7 +227,7 @@ impl Track {
             bin.north_m += north_m;
         }
         self.frames += 1;
-        self.sum_v_q10 += fixed::to_q10(visibility);
+        self.sum_v_q8 += fixed::to_q8(visibility);
         self.lambda += lambda;
         self.seen[marking] += 1;
         self.last_ns = stamp_ns;
@@ -271,9 +271,9 @@ impl Track {
             model: 0,
             kind: ElementKind::LaneMarking.code(),
             frames: self.frames,
-            sum_v_q10: self.sum_v_q10,
+            sum_v_q8: self.sum_v_q8,
             geometry: wkb::line(&vertices),
-            lambda_q10: fixed::to_q10(self.lambda / f64::from(self.frames)),
+            lambda_q8: fixed::to_q8(self.lambda / f64::from(self.frames)),
             seen: self.seen,
             first_ms: at_ms(self.first_ns),
             last_after_ms: at_ms(self.last_ns) - at_ms(self.first_ns),

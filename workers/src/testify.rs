@@ -205,36 +205,36 @@ pub(crate) fn empty_row(chunk: ChunkId, mapped: &MappedElement, section: u32) ->
         model: 0,
         exposed: 0,
         hit: 0,
-        sum_v_q10: 0,
-        sum_w_no_q10: 0,
-        sum_w_add_q10: 0,
-        sum_w_del_q10: 0,
-        sum_w_mod_q10: 0,
-        residual_eta_q10: 0,
-        residual_lambda_q10: 0,
-        along_eta_q10: 0,
-        along_lambda_q10: 0,
+        sum_v_q8: 0,
+        sum_w_no_q8: 0,
+        sum_w_add_q8: 0,
+        sum_w_del_q8: 0,
+        sum_w_mod_q8: 0,
+        residual_eta_q8: 0,
+        residual_lambda_q8: 0,
+        along_eta_q8: 0,
+        along_lambda_q8: 0,
         seen: [0; CLASS_BINS],
         first_ms: 0,
         last_after_ms: 0,
         best_after_ms: 0,
-        best_v_q10: -1,
+        best_v_q8: -1,
     }
 }
 
 /// Counts an exposure; frames come in the order of time.
 pub(crate) fn expose(row: &mut EvidenceRow, stamp_ns: i64, visibility: f64) {
-    let v_q10 = fixed::to_q10(visibility);
+    let v_q8 = fixed::to_q8(visibility);
     row.exposed += 1;
-    row.sum_v_q10 += v_q10;
+    row.sum_v_q8 += v_q8;
     let at_ms = to_window_ms(row.window, stamp_ns);
     if row.exposed == 1 {
         row.first_ms = at_ms;
     }
     let after_ms = at_ms - row.first_ms;
     row.last_after_ms = after_ms;
-    if v_q10 > row.best_v_q10 {
-        row.best_v_q10 = v_q10;
+    if v_q8 > row.best_v_q8 {
+        row.best_v_q8 = v_q8;
         row.best_after_ms = after_ms;
     }
 }
@@ -286,11 +286,11 @@ pub(crate) fn paper_sums(row: &mut EvidenceRow, visibility: f64, opinion: Opinio
         score,
         shares: [add, del, modified],
     } = opinion;
-    let weight = |share: f64| fixed::to_q10(visibility * share);
-    row.sum_w_no_q10 += weight(score);
-    row.sum_w_add_q10 += weight((1.0 - score) * add);
-    row.sum_w_del_q10 += weight((1.0 - score) * del);
-    row.sum_w_mod_q10 += weight((1.0 - score) * modified);
+    let weight = |share: f64| fixed::to_q8(visibility * share);
+    row.sum_w_no_q8 += weight(score);
+    row.sum_w_add_q8 += weight((1.0 - score) * add);
+    row.sum_w_del_q8 += weight((1.0 - score) * del);
+    row.sum_w_mod_q8 += weight((1.0 - score) * modified);
 }
 
 fn hit(
@@ -315,6 +315,6 @@ fn hit(
     let along = (tangent[0] * cos + tangent[1] * sin).signum();
     let residual_m = pair.residual_m * along;
     let variance = RESIDUAL_SIGMA_M.powi(2) + frame.registration.sigma_m.powi(2);
-    row.residual_eta_q10 += fixed::to_q10(residual_m / variance);
-    row.residual_lambda_q10 += fixed::to_q10(1.0 / variance);
+    row.residual_eta_q8 += fixed::to_q8(residual_m / variance);
+    row.residual_lambda_q8 += fixed::to_q8(1.0 / variance);
 }

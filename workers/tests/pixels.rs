@@ -269,7 +269,7 @@ fn missed(recording: &Recording) -> [f64; 4] {
     let mut missed = [0.0; 4];
     for row in map_chunk(&chunk, &context).unwrap().rows {
         let share = 1.0 - f64::from(row.hit) / f64::from(row.exposed);
-        missed[row.element as usize] += share * fixed::from_q10(row.sum_v_q10);
+        missed[row.element as usize] += share * fixed::from_q8(row.sum_v_q8);
     }
     missed
 }

@@ -88,7 +88,7 @@ pub(crate) fn judge(pieces: Vec<Piece<'_>>, fold: &Fold, meter: &Meter) -> Vec<C
 mod tests {
     use tilefold_reducers::FusionModel;
     use tilefold_schemas::evidence::{CLASS_BINS, METHOD_VERSION};
-    use tilefold_schemas::fixed::ONE_Q10;
+    use tilefold_schemas::fixed::ONE_Q8;
     use tilefold_schemas::{Color, Element, ElementId, ElementKind, Marking, SignClass};
     use tilefold_tiler::tile::DEFAULT_LEVEL;
 
@@ -123,20 +123,20 @@ mod tests {
             model: 0,
             exposed: 10,
             hit,
-            sum_v_q10: 9 * ONE_Q10,
-            sum_w_no_q10: ONE_Q10,
-            sum_w_add_q10: 0,
-            sum_w_del_q10: ONE_Q10,
-            sum_w_mod_q10: 0,
-            residual_eta_q10: i64::from(hit) * ONE_Q10,
-            residual_lambda_q10: i64::from(hit) * 10 * ONE_Q10,
-            along_eta_q10: 0,
-            along_lambda_q10: 0,
+            sum_v_q8: 9 * ONE_Q8,
+            sum_w_no_q8: ONE_Q8,
+            sum_w_add_q8: 0,
+            sum_w_del_q8: ONE_Q8,
+            sum_w_mod_q8: 0,
+            residual_eta_q8: i64::from(hit) * ONE_Q8,
+            residual_lambda_q8: i64::from(hit) * 10 * ONE_Q8,
+            along_eta_q8: 0,
+            along_lambda_q8: 0,
             seen: [0; CLASS_BINS],
             first_ms: vehicle as i32 * 1_000,
             last_after_ms: 1,
             best_after_ms: 0,
-            best_v_q10: ONE_Q10,
+            best_v_q8: ONE_Q8,
         }
     }
 

@@ -283,7 +283,7 @@ mod tests {
             range_to_mm: 30_000,
             left_mm: 5_000,
             right_mm: -5_000,
-            v_q10: 0,
+            v_q8: 0,
         }
     }
 

@@ -21,14 +21,14 @@ const SAME_AREA_M: f64 = 2.5;
 /// Not seen for this long is over.
 const GAP_NS: i64 = 10_000_000_000;
 /// Way between footprints, in metres.
-const SAMPLE_M: f64 = 5.0;
+const SAMPLE_M: f64 = 10.0;
 
 /// One area over the frames that saw it: weighted sums.
 #[derive(Debug, Clone)]
 struct Track {
     kind: ElementKind,
     frames: i32,
-    sum_v_q10: i64,
+    sum_v_q8: i64,
     weight: f64,
     corners: Vec<[f64; 2]>,
     centre: [f64; 2],
@@ -147,7 +147,7 @@ impl Track {
         Self {
             kind,
             frames: 0,
-            sum_v_q10: 0,
+            sum_v_q8: 0,
             weight: 0.0,
             corners: vec![[0.0; 2]; corners],
             centre: [0.0; 2],
@@ -171,7 +171,7 @@ impl Track {
         let weight = sigma_m.powi(-2);
         let stamp_ns = glimpse.look.pose.stamp_ns;
         self.frames += 1;
-        self.sum_v_q10 += fixed::to_q10(glimpse.registration.confidence);
+        self.sum_v_q8 += fixed::to_q8(glimpse.registration.confidence);
         self.weight += weight;
         for (sum, corner) in self.corners.iter_mut().zip(corners) {
             *sum = [0, 1].map(|axis| sum[axis] + weight * corner[axis]);
@@ -216,9 +216,9 @@ impl Track {
             model: 0,
             kind: self.kind.code(),
             frames: self.frames,
-            sum_v_q10: self.sum_v_q10,
+            sum_v_q8: self.sum_v_q8,
             geometry,
-            lambda_q10: fixed::to_q10(f64::from(self.frames) / self.sum_variance),
+            lambda_q8: fixed::to_q8(f64::from(self.frames) / self.sum_variance),
             seen: self.seen,
             first_ms: at_ms(self.first_ns),
             last_after_ms: at_ms(self.last_ns) - at_ms(self.first_ns),
@@ -291,7 +291,7 @@ impl AreaFootprints {
                 range_to_mm: (zone.range_m.1 * 1e3) as i32,
                 left_mm: (zone.side_m * 1e3) as i32,
                 right_mm: (-zone.side_m * 1e3) as i32,
-                v_q10: fixed::to_q10(sample.sum_v / f64::from(sample.frames)),
+                v_q8: fixed::to_q8(sample.sum_v / f64::from(sample.frames)),
             })
         };
         self.samples.into_iter().map(row).collect()

@@ -188,8 +188,8 @@ fn hit(
     let left = [-along[1], along[0]];
     let (left_m, left_variance) = residual.towards(left);
     let (along_m, along_variance) = residual.towards(along);
-    row.residual_eta_q10 += fixed::to_q10(left_m / left_variance);
-    row.residual_lambda_q10 += fixed::to_q10(1.0 / left_variance);
-    row.along_eta_q10 += fixed::to_q10(along_m / along_variance);
-    row.along_lambda_q10 += fixed::to_q10(1.0 / along_variance);
+    row.residual_eta_q8 += fixed::to_q8(left_m / left_variance);
+    row.residual_lambda_q8 += fixed::to_q8(1.0 / left_variance);
+    row.along_eta_q8 += fixed::to_q8(along_m / along_variance);
+    row.along_lambda_q8 += fixed::to_q8(1.0 / along_variance);
 }

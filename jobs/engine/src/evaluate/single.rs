@@ -92,7 +92,7 @@ mod tests {
             range_to_mm: 20_000,
             left_mm: 6_000,
             right_mm: -4_000,
-            v_q10: 0,
+            v_q8: 0,
         };
         let north = |ahead_m: f64| 50.0 + ahead_m / METRES_PER_DEGREE;
         let east = |right_m: f64| 10.0 + right_m / (METRES_PER_DEGREE * 50_f64.to_radians().cos());
