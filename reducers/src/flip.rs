@@ -82,7 +82,7 @@ fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> Evidence
         row.sum_w_del_q8,
         row.sum_w_mod_q8,
     ];
-    let weight = weights.iter().sum::<i64>() as f64;
+    let weight: f64 = weights.iter().map(|&weight_q8| weight_q8 as f64).sum();
     let mut seen = [0; CLASS_BINS];
     let as_mapped = match mapped.element.kind {
         tilefold_schemas::ElementKind::LaneMarking => mapped.element.marking.code(),

@@ -25,12 +25,16 @@ pub fn posterior(passes: &[Pass]) -> [f64; 4] {
 /// order cannot matter. A pass without weight says nothing.
 #[must_use]
 pub fn testimony(pass: &Pass) -> [i64; 4] {
-    let weight: i64 = pass.paper_q8.iter().sum();
-    if weight <= 0 {
+    let weight = pass
+        .paper_q8
+        .iter()
+        .map(|&share_q8| share_q8 as f64)
+        .sum::<f64>();
+    if weight <= 0.0 {
         return [0; 4];
     }
     pass.paper_q8.map(|share_q8| {
-        let average = share_q8 as f64 / weight as f64;
+        let average = share_q8 as f64 / weight;
         fixed::from_f64(libm::log(average + EPSILON))
     })
 }
