@@ -284,3 +284,23 @@ impl Footprint {
         f64::from(self.yaw_mrad) * 1e-3
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_keep_their_millisecond() {
+        for stamp_ns in [0, 1, 1_773_437_855_498_666_644, -1, i64::MIN, i64::MAX] {
+            let window = stamp_ns.div_euclid(WINDOW_NS);
+            let at_ms = to_window_ms(window, stamp_ns);
+            assert!((0..60_000).contains(&at_ms), "{stamp_ns}");
+            let kept_ns = from_window_ms(window, at_ms);
+            assert!(
+                kept_ns == i64::MIN || is_same_frame(kept_ns, stamp_ns),
+                "{stamp_ns}"
+            );
+        }
+        assert!(!is_same_frame(-1, 0));
+    }
+}
