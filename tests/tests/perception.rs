@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use tilefold_city::{CitySpec, Site, write};
 use tilefold_engine::explain::Frame;
-use tilefold_engine::frames::{self, Sources};
+use tilefold_engine::frames::{self, Outputs, Sources};
 use tilefold_engine::{
     Device, InitOptions, Perception, RunOptions, RunReport, Silent, init, run, run_seeing,
 };
@@ -153,8 +153,13 @@ fn the_map_is_drawn_on_the_paint() {
         perception: Some(&red),
     };
     let folder = scene.folder.path().join("frames");
+    let case = scene.folder.path().join("case.mcap");
+    let outputs = Outputs {
+        folder: Some(&folder),
+        case: Some(&case),
+    };
     let pictures =
-        frames::write(&snapshot, std::slice::from_ref(&frame), sources, &folder).unwrap();
+        frames::write(&snapshot, std::slice::from_ref(&frame), sources, outputs).unwrap();
     assert_eq!(pictures.set_aside, []);
     let paint = colored(&pictures.written[0], |[r, g, b]| {
         r > 150 && g < 90 && b < 90
@@ -175,12 +180,39 @@ fn the_map_is_drawn_on_the_paint() {
         map.len()
     );
 
+    // The case has the picture as it was, and the map as lines over it.
+    let bytes = std::fs::read(&case).unwrap();
+    let messages: Vec<mcap::Message<'_>> = mcap::MessageStream::new(&bytes)
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
+    let schemas = messages.iter().map(|message| {
+        let schema = message.channel.schema.as_ref().unwrap();
+        (message.channel.topic.as_str(), schema.name.as_str())
+    });
+    assert_eq!(
+        schemas.collect::<Vec<_>>(),
+        [
+            ("/case/image", "foxglove.CompressedImage"),
+            ("/case/annotations", "foxglove.ImageAnnotations"),
+        ]
+    );
+    let has = |message: &mcap::Message<'_>, what: &[u8]| {
+        message.data.windows(what.len()).any(|part| part == what)
+    };
+    assert!(has(&messages[0], b"\x89PNG"));
+    assert!(has(&messages[1], b"map") && has(&messages[1], b"detected"));
+
     // Where the log is gone, the frame is set aside with a reason.
     let gone = Frame {
         log: Some("gone.mcap".to_owned()),
         ..frame
     };
-    let none = frames::write(&snapshot, &[gone], sources, &folder).unwrap();
+    let outputs = Outputs {
+        folder: Some(&folder),
+        case: None,
+    };
+    let none = frames::write(&snapshot, &[gone], sources, outputs).unwrap();
     assert!(none.written.is_empty());
     assert!(
         none.set_aside[0].reason.contains("--logs"),

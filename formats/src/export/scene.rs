@@ -7,11 +7,9 @@
 //! | `/changes/geojson` | `foxglove.GeoJSON` | the changes once more, for map panels |
 
 use std::collections::BTreeMap;
-use std::io::{Cursor, Write};
+use std::io::Write;
 
 use foxglove::messages as fox;
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{Compression, WriteOptions, Writer};
 use tilefold_schemas::layer::ElementRow;
 use tilefold_schemas::wkb::Geometry;
 use tilefold_schemas::{ChangeRecord, ElementKind, Verdict, wkb};
@@ -19,9 +17,10 @@ use tilefold_schemas::{ChangeRecord, ElementKind, Verdict, wkb};
 use super::attributes::{ATTRIBUTES, Value, values};
 use super::change::Change;
 use super::error::ExportError;
+use super::memory_log::MemoryLog;
 use crate::geojson::{utc, write_changes};
 use crate::heights::Heights;
-use crate::log_write::{Encoded, LogWriteError, message, timestamp};
+use crate::log_write::{message, timestamp};
 
 /// The frame of the scene: metres east, north and up of its origin.
 const FRAME: &str = "map";
@@ -50,13 +49,23 @@ pub fn write_scene(scene: &Scene<'_>, out: &mut impl Write) -> Result<(), Export
     let stamp_ns = scene.records.iter().map(|record| record.last_ns).max();
     let stamp_ns = stamp_ns.unwrap_or(0).max(0);
     let stamp = timestamp(stamp_ns)?;
-    let mut log = Log::create(stamp_ns, scene.origin)?;
+    let mut log = MemoryLog::create()?;
+    let names = ["longitude_deg", "latitude_deg", "elevation_m"];
+    let of_origin = names
+        .into_iter()
+        .zip(scene.origin.map(|value| value.to_string()));
+    log.describe("map_origin", of_origin)?;
     for entities in map_entities(scene, stamp)?.into_values() {
-        log.write("/map", &message("foxglove.SceneUpdate", &update(entities))?)?;
+        log.write(
+            "/map",
+            stamp_ns,
+            &message("foxglove.SceneUpdate", &update(entities))?,
+        )?;
     }
     for entities in change_entities(scene, stamp)?.into_values() {
         log.write(
             "/changes",
+            stamp_ns,
             &message("foxglove.SceneUpdate", &update(entities))?,
         )?;
     }
@@ -65,7 +74,11 @@ pub fn write_scene(scene: &Scene<'_>, out: &mut impl Write) -> Result<(), Export
     let geojson = fox::GeoJson {
         geojson: String::from_utf8_lossy(&geojson).into_owned(),
     };
-    log.write("/changes/geojson", &message("foxglove.GeoJSON", &geojson)?)?;
+    log.write(
+        "/changes/geojson",
+        stamp_ns,
+        &message("foxglove.GeoJSON", &geojson)?,
+    )?;
     out.write_all(&log.finish()?)?;
     Ok(())
 }
@@ -208,74 +221,5 @@ fn update(entities: Vec<fox::SceneEntity>) -> fox::SceneUpdate {
     fox::SceneUpdate {
         deletions: Vec::new(),
         entities,
-    }
-}
-
-/// A log in memory: the container wants to seek, and standard output cannot.
-struct Log {
-    mcap: Writer<Cursor<Vec<u8>>>,
-    channels: BTreeMap<&'static str, u16>,
-    stamp_ns: u64,
-    sequence: u32,
-}
-
-impl Log {
-    fn create(stamp_ns: i64, origin: [f64; 3]) -> Result<Self, ExportError> {
-        let mut mcap = WriteOptions::new()
-            .library("tilefold")
-            .compression(Some(Compression::Zstd))
-            .compression_threads(0)
-            .create(Cursor::new(Vec::new()))
-            .map_err(LogWriteError::from)?;
-        let names = ["longitude_deg", "latitude_deg", "elevation_m"];
-        let of_origin = names.into_iter().zip(origin);
-        mcap.write_metadata(&Metadata {
-            name: "map_origin".to_owned(),
-            metadata: of_origin
-                .map(|(name, value)| (name.to_owned(), value.to_string()))
-                .collect(),
-        })
-        .map_err(LogWriteError::from)?;
-        Ok(Self {
-            mcap,
-            channels: BTreeMap::new(),
-            stamp_ns: stamp_ns.unsigned_abs(),
-            sequence: 0,
-        })
-    }
-
-    fn write(&mut self, topic: &'static str, encoded: &Encoded) -> Result<(), LogWriteError> {
-        let channel = self.channel(topic, encoded)?;
-        let header = MessageHeader {
-            channel_id: channel,
-            sequence: self.sequence,
-            log_time: self.stamp_ns,
-            publish_time: self.stamp_ns,
-        };
-        self.sequence = self.sequence.wrapping_add(1);
-        self.mcap.write_to_known_channel(&header, &encoded.bytes)?;
-        Ok(())
-    }
-
-    fn channel(&mut self, topic: &'static str, encoded: &Encoded) -> Result<u16, LogWriteError> {
-        if let Some(channel) = self.channels.get(topic) {
-            return Ok(*channel);
-        }
-        let schema = self.mcap.add_schema(
-            encoded.schema,
-            encoded.schema_encoding,
-            &encoded.schema_data,
-        )?;
-        let no_facts = BTreeMap::new();
-        let channel = self
-            .mcap
-            .add_channel(schema, topic, encoded.message_encoding, &no_facts)?;
-        self.channels.insert(topic, channel);
-        Ok(channel)
-    }
-
-    fn finish(mut self) -> Result<Vec<u8>, LogWriteError> {
-        self.mcap.finish()?;
-        Ok(self.mcap.into_inner().into_inner())
     }
 }

@@ -446,13 +446,17 @@ pub(crate) enum Command {
 pub(crate) struct Frames {
     /// Folder for the frames to look at, as PNG: what was detected (yellow), the map (blue), and what
     /// is said to be added (green), removed (red) or modified (orange).
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", group = "pictures")]
     pub frames: Option<PathBuf>,
+    /// MCAP file for the same frames, to look at in Foxglove: pictures (`/case/image`) and what is drawn
+    /// over them (`/case/annotations`).
+    #[arg(long, value_name = "FILE", group = "pictures")]
+    pub case: Option<PathBuf>,
     /// Logs, or folders of them, where they are no longer where they were.
-    #[arg(long, num_args = 1.., requires = "frames", value_name = "LOG")]
+    #[arg(long, num_args = 1.., requires = "pictures", value_name = "LOG")]
     pub logs: Vec<PathBuf>,
     /// Model card (.toml) of the network that looked at pictures without detections.
-    #[arg(long, requires = "frames", value_name = "CARD")]
+    #[arg(long, requires = "pictures", value_name = "CARD")]
     pub detector: Option<PathBuf>,
     /// ONNX Runtime.
     #[command(flatten)]

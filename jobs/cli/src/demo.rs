@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tilefold_city::{CitySpec, LogProfile, Site};
 use tilefold_engine::evaluate::Options;
-use tilefold_engine::frames::{self, Sources};
+use tilefold_engine::frames::{self, Outputs, Sources};
 use tilefold_engine::{
     FusionModel, InitOptions, Perception, RunOptions, explain, init, run_seeing,
 };
@@ -154,7 +154,11 @@ fn show_surest(
         logs: &[],
         perception,
     };
-    let pictures = frames::write(snapshot, &frames, sources, report)?;
+    let outputs = Outputs {
+        folder: Some(report),
+        ..Outputs::default()
+    };
+    let pictures = frames::write(snapshot, &frames, sources, outputs)?;
     if let Some(picture) = pictures.written.first() {
         tell!(
             "a frame that speaks for the surest change ({:016x}), with detections, map and verdicts, is {}",

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tilefold_engine::explain;
 use tilefold_engine::explain::{Explanation, Frame, PassSays, WouldFlip};
-use tilefold_engine::frames::{self, Sources};
+use tilefold_engine::frames::{self, Outputs, Sources};
 
 use crate::args::{Args, Frames};
 use crate::at::{At, open};
@@ -28,9 +28,13 @@ pub(crate) fn explain_verdict(
         let texts: Vec<String> = explained.iter().map(text).collect();
         texts.join("\n\n")
     })?;
-    let Some(folder) = &asked.frames else {
-        return Ok(Outcome::Done);
+    let outputs = Outputs {
+        folder: asked.frames.as_deref(),
+        case: asked.case.as_deref(),
     };
+    if outputs.folder.or(outputs.case).is_none() {
+        return Ok(Outcome::Done);
+    }
     let perception = perception(asked.detector.as_deref(), &asked.runtime)?;
     let sources = Sources {
         logs: &asked.logs,
@@ -40,13 +44,15 @@ pub(crate) fn explain_verdict(
         .iter()
         .flat_map(|told| told.frames.clone())
         .collect();
-    let pictures = frames::write(&snapshot, &frames, sources, folder)?;
-    let count = pictures.written.len();
-    tell!(
-        "{count} of {} frames are in {}",
-        frames.len(),
-        folder.display()
-    );
+    let pictures = frames::write(&snapshot, &frames, sources, outputs)?;
+    let count = frames.len() - pictures.set_aside.len();
+    for place in [outputs.folder, outputs.case].into_iter().flatten() {
+        tell!(
+            "{count} of {} frames are in {}",
+            frames.len(),
+            place.display()
+        );
+    }
     print_set_aside(&pictures.set_aside);
     Ok(Outcome::with(&pictures.set_aside))
 }

@@ -4,11 +4,12 @@
 //! A frame is mapped once more, with the chunk that it belongs to, by the functions that made the
 //! evidence: the map is drawn through the camera as it was found to be mounted.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use tilefold_formats::export::{CaseFrame, CaseLine, write_case};
 use tilefold_formats::log::{LogReader, TopicKind};
 use tilefold_formats::picture::{self, Sequence};
 use tilefold_schemas::evidence::is_same_frame;
@@ -43,6 +44,14 @@ const SEEN: Rgb = [0xff, 0xe0, 0x30];
 const ADDED: Rgb = [0x30, 0xd8, 0x50];
 const REMOVED: Rgb = [0xf0, 0x38, 0x30];
 const MODIFIED: Rgb = [0xff, 0x80, 0x10];
+/// What is drawn in which colour.
+const CLASSES: [(Rgb, &str); 5] = [
+    (MAPPED, "map"),
+    (SEEN, "detected"),
+    (ADDED, "added"),
+    (REMOVED, "removed"),
+    (MODIFIED, "modified"),
+];
 /// Widths of lines, in pixels of a picture of this width.
 const OF_WIDTH_PX: f64 = 640.0;
 const THIN_PX: f64 = 1.2;
@@ -68,29 +77,46 @@ pub struct FramePictures {
     pub set_aside: Vec<SetAside>,
 }
 
-/// Writes the frames of an explanation into a folder, as `frame_STAMP.png`.
+/// Where frames are written.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Outputs<'a> {
+    /// Folder for pictures with everything drawn into them, `frame_STAMP.png`.
+    pub folder: Option<&'a Path>,
+    /// MCAP file of pictures and annotations, for Foxglove.
+    pub case: Option<&'a Path>,
+}
+
+/// Writes the frames of an explanation.
 ///
 /// # Errors
-/// The store is damaged, or the folder cannot be written.
+/// The store is damaged, or a file cannot be written.
 pub fn write(
     snapshot: &Snapshot,
     frames: &[Frame],
     sources: Sources<'_>,
-    folder: &Path,
+    outputs: Outputs<'_>,
 ) -> Result<FramePictures, EngineError> {
     let studio = Studio::open(snapshot, sources)?;
     let mut pictures = FramePictures::default();
-    let failed = |source: std::io::Error| EngineError::Picture {
-        path: folder.to_owned(),
-        source,
-    };
-    fs::create_dir_all(folder).map_err(failed)?;
+    let mut case = BTreeMap::new();
+    if let Some(folder) = outputs.folder {
+        fs::create_dir_all(folder).map_err(|source| unwritten(folder, source))?;
+    }
     for frame in frames {
-        match studio.picture(frame) {
-            Ok(png) => {
-                let path = folder.join(format!("frame_{}.png", frame.stamp_ns));
-                fs::write(&path, png).map_err(failed)?;
-                pictures.written.push(path);
+        match studio.seen(frame) {
+            Ok(seen) => {
+                if let Some(folder) = outputs.folder {
+                    let path = folder.join(format!("frame_{}.png", frame.stamp_ns));
+                    let png = over(&seen.photograph, &seen.shapes);
+                    let written = png.and_then(|png| fs::write(&path, png));
+                    written.map_err(|source| unwritten(&path, source))?;
+                    pictures.written.push(path);
+                }
+                if let Some(path) = outputs.case {
+                    let of_case = seen.case_frame(frame);
+                    let of_case = of_case.map_err(|source| unwritten(path, source))?;
+                    case.insert(frame.stamp_ns, of_case);
+                }
             }
             Err(reason) => {
                 let log = frame.log.clone().unwrap_or_default();
@@ -99,7 +125,50 @@ pub fn write(
             }
         }
     }
+    if let Some(path) = outputs.case {
+        let mut file = fs::File::create(path).map_err(|source| unwritten(path, source))?;
+        write_case(&case.into_values().collect::<Vec<_>>(), &mut file)?;
+        pictures.written.push(path.to_owned());
+    }
     Ok(pictures)
+}
+
+fn unwritten(path: &Path, source: std::io::Error) -> EngineError {
+    EngineError::Picture {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+/// A frame: what the camera saw, and what is drawn over it.
+struct Seen {
+    photograph: Picture,
+    shapes: Vec<Shape>,
+}
+
+impl Seen {
+    fn case_frame(&self, frame: &Frame) -> std::io::Result<CaseFrame> {
+        let lines = self.shapes.iter().filter_map(|shape| match shape {
+            Shape::Line {
+                points,
+                color,
+                width,
+                ..
+            } => Some(CaseLine {
+                class: CLASSES.iter().find(|(of, _)| of == color)?.1,
+                points_px: points.clone(),
+                color: *color,
+                width_px: *width,
+            }),
+            _ => None,
+        });
+        Ok(CaseFrame {
+            stamp_ns: frame.stamp_ns,
+            png: over(&self.photograph, &[])?,
+            caption: format!("{:+.2} nats for a change", frame.for_change),
+            lines: lines.collect(),
+        })
+    }
 }
 
 /// Everything that is needed to draw any frame of a store.
@@ -135,6 +204,11 @@ impl<'a> Studio<'a> {
     /// # Errors
     /// Why there is no picture of it, and what would give one.
     pub fn picture(&self, frame: &Frame) -> Result<Vec<u8>, String> {
+        let seen = self.seen(frame)?;
+        over(&seen.photograph, &seen.shapes).map_err(|error| error.to_string())
+    }
+
+    fn seen(&self, frame: &Frame) -> Result<Seen, String> {
         let meter = Meter::default();
         let catalogue = self.catalogue(frame, &meter)?;
         let unit = self.unit(&catalogue, frame)?;
@@ -142,11 +216,11 @@ impl<'a> Studio<'a> {
         let shapes = self.shapes(&chunk, frame.stamp_ns)?;
         let photograph = photograph(&catalogue, &unit, frame)?;
         let scale = f64::from(photograph.width_px) / OF_WIDTH_PX;
-        let shapes: Vec<Shape> = shapes
-            .into_iter()
-            .map(|shape| widened(shape, scale))
-            .collect();
-        over(&photograph, &shapes).map_err(|error| error.to_string())
+        let shapes = shapes.into_iter().map(|shape| widened(shape, scale));
+        Ok(Seen {
+            shapes: shapes.collect(),
+            photograph,
+        })
     }
 
     fn catalogue(&self, frame: &Frame, meter: &Meter) -> Result<Catalogue, String> {
