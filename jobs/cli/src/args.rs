@@ -419,7 +419,7 @@ pub(crate) enum Command {
         /// MCAP files, or folders of them, for `--matching`.
         #[arg(long, num_args = 1.., requires = "matching")]
         logs: Vec<PathBuf>,
-        /// Folder for pictures: `reliability` and `sweep` as SVG and PNG.
+        /// Folder for pictures as SVG and PNG: `overview`, `coverage`, `reliability` and `sweep`.
         #[arg(long)]
         plots: Option<PathBuf>,
     },
@@ -512,6 +512,9 @@ pub(crate) struct Bench {
     /// Map files that go with the logs.
     #[arg(long, num_args = 1.., requires = "logs")]
     pub map: Vec<PathBuf>,
+    /// Folder for a picture: `stages` as SVG and PNG.
+    #[arg(long, value_name = "FOLDER")]
+    pub plots: Option<PathBuf>,
     /// Drives through a city of its own, 2 km each.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "map")]
     pub drives: u32,

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use tilefold_city::{CitySpec, Site};
-use tilefold_engine::{FusionModel, InitOptions, init, run};
+use tilefold_engine::{FusionModel, InitOptions, init, run, throughput};
 
 use crate::args::{Args, Bench};
 use crate::report::{Outcome, print};
@@ -44,6 +44,11 @@ pub(crate) fn bench(args: &Args, wanted: &Bench) -> Result<Outcome, Box<dyn Erro
             100.0 * busy_s / (threads as f64 * report.wall_s),
         )
     })?;
+    if let Some(folder) = &wanted.plots {
+        for file in throughput::write(folder, &report.stages)? {
+            tell!("wrote {}", file.display());
+        }
+    }
     Ok(Outcome::Done)
 }
 

@@ -11,6 +11,7 @@ mod bootstrap;
 mod calibration;
 mod change;
 mod claim;
+mod coverage;
 mod geometry;
 mod known;
 mod matching;

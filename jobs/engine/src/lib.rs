@@ -34,6 +34,7 @@ mod same_place;
 pub mod scope;
 mod split;
 mod succession;
+pub mod throughput;
 mod update;
 pub mod verify;
 mod within;

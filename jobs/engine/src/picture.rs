@@ -3,6 +3,7 @@
 //! Backgrounds are transparent and colours are of middle brightness, so that a picture can be read
 //! on light and on dark pages. The same picture gives the same bytes.
 
+pub(crate) mod bars;
 mod png;
 mod svg;
 

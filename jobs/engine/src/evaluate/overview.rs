@@ -9,6 +9,7 @@ use tilefold_schemas::Verdict;
 use tilefold_tiler::geodesy::LocalFrame;
 
 use super::claim::{Claim, claims};
+use super::coverage::coverage;
 use super::{Criteria, Subject};
 use crate::error::EngineError;
 use crate::picture::{Anchor, GREY, Picture, Rgb, Shape};
@@ -29,7 +30,7 @@ const COLORS: [(Verdict, Rgb); 3] = [
 const BAND: f64 = 7.0;
 const DOT: f64 = 5.0;
 
-/// Writes `overview` as SVG and PNG into `folder`, which is made if need be.
+/// Writes `overview` and `coverage` as SVG and PNG into `folder`, which is made if need be.
 ///
 /// # Errors
 /// Evidence cannot be folded anew, or the folder not be written.
@@ -44,7 +45,12 @@ pub fn write(
     let written = || -> io::Result<Vec<PathBuf>> {
         std::fs::create_dir_all(folder)?;
         let picture = picture(subject, &claims);
-        Ok(picture.write(folder, "overview")?.to_vec())
+        let coverage = coverage(subject.refold.map(), &records);
+        let files = [
+            picture.write(folder, "overview")?,
+            coverage.write(folder, "coverage")?,
+        ];
+        Ok(files.concat())
     };
     written().map_err(|source| EngineError::Picture {
         path: folder.to_owned(),
