@@ -5,7 +5,7 @@ use super::{Anchor, BLUE, GREY, Picture, Shape};
 /// Width of the longest bar, room for names to the left and figures to the right, in pixels.
 const LONGEST: f64 = 360.0;
 const LEFT: f64 = 130.0;
-const RIGHT: f64 = 110.0;
+const RIGHT: f64 = 220.0;
 /// Height of the title, of a bar and of its row.
 const TOP: f64 = 44.0;
 const BAR: f64 = 18.0;
