@@ -202,19 +202,10 @@ impl<W: Write + Seek> LogWriter<W> {
 
     fn channel(&mut self, topic: &str, encoded: &Encoded) -> Result<&mut Channel, LogWriteError> {
         if !self.channels.contains_key(topic) {
-            let schema = self.mcap.add_schema(
-                encoded.schema,
-                encoded.schema_encoding,
-                &encoded.schema_data,
-            )?;
-            let no_facts = BTreeMap::new();
-            let id = self
-                .mcap
-                .add_channel(schema, topic, encoded.message_encoding, &no_facts)?;
             self.channels.insert(
                 topic.to_owned(),
                 Channel {
-                    id,
+                    id: add_channel(&mut self.mcap, topic, encoded)?,
                     schema: encoded.schema,
                     sequence: 0,
                 },
@@ -231,6 +222,17 @@ impl<W: Write + Seek> LogWriter<W> {
             None => Err(wrong("nothing")),
         }
     }
+}
+
+/// Begins a topic whose messages are like this one.
+pub(crate) fn add_channel<W: Write + Seek>(
+    mcap: &mut Writer<W>,
+    topic: &str,
+    like: &Encoded,
+) -> Result<u16, LogWriteError> {
+    let schema = mcap.add_schema(like.schema, like.schema_encoding, &like.schema_data)?;
+    let no_facts = BTreeMap::new();
+    Ok(mcap.add_channel(schema, topic, like.message_encoding, &no_facts)?)
 }
 
 fn encode(dialect: Dialect, entry: &Entry<'_>) -> Result<Encoded, LogWriteError> {

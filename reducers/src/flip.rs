@@ -10,6 +10,7 @@ use tilefold_tiler::map_index::MappedElement;
 
 use crate::elements;
 use crate::fold::Fold;
+use crate::paper;
 
 /// More than this many are not tried.
 const MOST: i64 = 40;
@@ -76,13 +77,7 @@ fn contrary(row: &EvidenceRow, mapped: &MappedElement, see_it: bool) -> Evidence
     let share = if see_it { SEEN } else { 0.0 };
     let hit = (share * f64::from(row.exposed)).round() as i32;
     let lambda_q8 = fixed::to_q8(f64::from(hit) * SIGMA_M.powi(-2));
-    let weights = [
-        row.sum_w_no_q8,
-        row.sum_w_add_q8,
-        row.sum_w_del_q8,
-        row.sum_w_mod_q8,
-    ];
-    let weight: f64 = weights.iter().map(|&weight_q8| weight_q8 as f64).sum();
+    let weight: f64 = paper::weight_q8(row.paper_q8());
     let mut seen = [0; CLASS_BINS];
     let as_mapped = match mapped.element.kind {
         tilefold_schemas::ElementKind::LaneMarking => mapped.element.marking.code(),

@@ -25,11 +25,7 @@ pub fn posterior(passes: &[Pass]) -> [f64; 4] {
 /// order cannot matter. A pass without weight says nothing.
 #[must_use]
 pub fn testimony(pass: &Pass) -> [i64; 4] {
-    let weight = pass
-        .paper_q8
-        .iter()
-        .map(|&share_q8| share_q8 as f64)
-        .sum::<f64>();
+    let weight = weight_q8(pass.paper_q8);
     if weight <= 0.0 {
         return [0; 4];
     }
@@ -37,6 +33,12 @@ pub fn testimony(pass: &Pass) -> [i64; 4] {
         let average = share_q8 as f64 / weight;
         fixed::from_f64(libm::log(average + EPSILON))
     })
+}
+
+/// The sum of the weights: the four shares of each were parts of it. As a float, which no damaged row
+/// can overflow.
+pub(crate) fn weight_q8(shares_q8: [i64; 4]) -> f64 {
+    shares_q8.iter().map(|&share_q8| share_q8 as f64).sum()
 }
 
 /// Exponentials normalised to sum 1.

@@ -47,12 +47,7 @@ impl Pass {
             exposed: i64::from(row.exposed),
             hit: i64::from(row.hit),
             sum_v_q8: row.sum_v_q8,
-            paper_q8: [
-                row.sum_w_no_q8,
-                row.sum_w_add_q8,
-                row.sum_w_del_q8,
-                row.sum_w_mod_q8,
-            ],
+            paper_q8: row.paper_q8(),
             residual_eta_q8: row.residual_eta_q8,
             residual_lambda_q8: row.residual_lambda_q8,
             along_eta_q8: row.along_eta_q8,

@@ -262,6 +262,19 @@ macro_rules! seen_at {
     };
 }
 
+impl EvidenceRow {
+    /// The paper's sums for no change, added, deleted, modified; together the weight.
+    #[must_use]
+    pub fn paper_q8(&self) -> [i64; 4] {
+        [
+            self.sum_w_no_q8,
+            self.sum_w_add_q8,
+            self.sum_w_del_q8,
+            self.sum_w_mod_q8,
+        ]
+    }
+}
+
 seen_at!(EvidenceRow);
 seen_at!(Sighting);
 

@@ -49,14 +49,14 @@ pub struct CaseLine {
 ///
 /// # Errors
 /// If a time lies before 1970, or `out` does not take the bytes.
-pub fn write_case(frames: &[CaseFrame], out: &mut impl Write) -> Result<(), ExportError> {
+pub fn write_case(frames: Vec<CaseFrame>, out: &mut impl Write) -> Result<(), ExportError> {
     let mut log = MemoryLog::create()?;
     for frame in frames {
         let stamp = timestamp(frame.stamp_ns)?;
         let image = fox::CompressedImage {
             timestamp: Some(stamp),
             frame_id: CAMERA.to_owned(),
-            data: frame.png.clone().into(),
+            data: frame.png.into(),
             format: "png".to_owned(),
         };
         let image = message("foxglove.CompressedImage", &image)?;

@@ -6,7 +6,7 @@ use std::io::Cursor;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, WriteOptions, Writer};
 
-use crate::log_write::{Encoded, LogWriteError};
+use crate::log_write::{Encoded, LogWriteError, add_channel};
 
 pub(super) struct MemoryLog {
     mcap: Writer<Cursor<Vec<u8>>>,
@@ -66,15 +66,7 @@ impl MemoryLog {
         if let Some(channel) = self.channels.get(topic) {
             return Ok(*channel);
         }
-        let schema = self.mcap.add_schema(
-            encoded.schema,
-            encoded.schema_encoding,
-            &encoded.schema_data,
-        )?;
-        let no_facts = BTreeMap::new();
-        let channel = self
-            .mcap
-            .add_channel(schema, topic, encoded.message_encoding, &no_facts)?;
+        let channel = add_channel(&mut self.mcap, topic, encoded)?;
         self.channels.insert(topic, channel);
         Ok(channel)
     }

@@ -4,7 +4,7 @@
 //! A frame is mapped once more, with the chunk that it belongs to, by the functions that made the
 //! evidence: the map is drawn through the camera as it was found to be mounted.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -98,7 +98,7 @@ pub fn write(
 ) -> Result<FramePictures, EngineError> {
     let studio = Studio::open(snapshot, sources)?;
     let mut pictures = FramePictures::default();
-    let mut case = BTreeMap::new();
+    let mut case = Vec::new();
     if let Some(folder) = outputs.folder {
         fs::create_dir_all(folder).map_err(|source| unwritten(folder, source))?;
     }
@@ -115,7 +115,7 @@ pub fn write(
                 if let Some(path) = outputs.case {
                     let of_case = seen.case_frame(frame);
                     let of_case = of_case.map_err(|source| unwritten(path, source))?;
-                    case.insert(frame.stamp_ns, of_case);
+                    case.push(of_case);
                 }
             }
             Err(reason) => {
@@ -127,7 +127,9 @@ pub fn write(
     }
     if let Some(path) = outputs.case {
         let mut file = fs::File::create(path).map_err(|source| unwritten(path, source))?;
-        write_case(&case.into_values().collect::<Vec<_>>(), &mut file)?;
+        // Two vehicles may have looked in the same millisecond: both are shown.
+        case.sort_by_key(|frame| frame.stamp_ns);
+        write_case(case, &mut file)?;
         pictures.written.push(path.to_owned());
     }
     Ok(pictures)

@@ -46,8 +46,9 @@ pub(super) fn is_in_view(known: &Known<'_>, looks: &[Footprint]) -> bool {
 /// Whether a place (degrees) is in the box ahead of the vehicle that a look covers.
 fn shows(look: &Footprint, [longitude_deg, latitude_deg]: [f64; 2]) -> bool {
     let shrink = latitude_deg.to_radians().cos();
-    let east_m = (longitude_deg - look.place_deg()[0]) * METRES_PER_DEGREE * shrink;
-    let north_m = (latitude_deg - look.place_deg()[1]) * METRES_PER_DEGREE;
+    let [look_longitude_deg, look_latitude_deg] = look.place_deg();
+    let east_m = (longitude_deg - look_longitude_deg) * METRES_PER_DEGREE * shrink;
+    let north_m = (latitude_deg - look_latitude_deg) * METRES_PER_DEGREE;
     let (sin, cos) = look.yaw_rad().sin_cos();
     let (ahead_m, left_m) = (cos * east_m + sin * north_m, -sin * east_m + cos * north_m);
     let metres = |mm: i32| f64::from(mm) * 1e-3;
